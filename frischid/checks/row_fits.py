@@ -215,6 +215,7 @@ def _springs(fits: RowFits, k: int, tau: Array, spread: float, faults: tuple[Fau
     j, name, n, R = fits.rows[k], fits.names[k], float(fits.weight[k]), len(fits.rows)
     y, q, whole = fits.of(k, tau), fits.sketch.q[:, j], tau[:, j]
     kinds = {"a spring": q[:, None]}
+    quantity, unit, place = ("force", "N", "position") if fits.sketch.robot.prismatic[j] else ("torque", "N·m", "angle")
     if not fits.sketch.robot.prismatic[j]:
         kinds["a counterbalance"] = np.column_stack([np.sin(q), np.cos(q)])
     found = []
@@ -223,7 +224,7 @@ def _springs(fits: RowFits, k: int, tau: Array, spread: float, faults: tuple[Fau
         torque = X @ x
         fault = Fault(
             "spring",
-            f"a torque of {np.ptp(torque) / 2:.3g} N·m (half its range) follows the joint's angle alone: "
+            f"a {quantity} of {np.ptp(torque) / 2:.3g} {unit} (half its range) follows the joint's {place} alone: "
             f"{word} {{acts|may act}} on it",
             (name,),
             "nothing is wrong with the log: identify, then frischid diagnose measures the spring and frischid improve "

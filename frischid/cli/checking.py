@@ -109,7 +109,6 @@ def check(
 def _corrections(logs: Sequence[str], mapping: MapFiles, data: Sequence[Log], reports: Sequence[LogReport]) -> str:
     """Mapping file that undoes the faults of all logs; empty if there is none that it can undo."""
     from frischid.logs.layouts import layout_of
-    from frischid.logs.log import CHANNELS
     from frischid.logs.mapping import LogMap
     from frischid.logs.mapping_fix import together
     from frischid.logs.recording import preview_of
@@ -119,8 +118,7 @@ def _corrections(logs: Sequence[str], mapping: MapFiles, data: Sequence[Log], re
     form = LogMap.of(mapping)
     parts = []
     for path, log, report in zip(logs, data, reports, strict=True):
-        channels = [c for c in CHANNELS if preview_of(log).has(c).any()]
-        parts.append((Path(path).name, layout_of(Path(path), form), report.fix, channels))
+        parts.append((Path(path).name, layout_of(Path(path), form), report.fix, preview_of(log)))
     return together(parts)
 
 

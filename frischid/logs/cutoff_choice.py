@@ -28,6 +28,7 @@ from __future__ import annotations
 
 from collections.abc import Sequence
 from dataclasses import dataclass
+from itertools import pairwise
 from typing import NamedTuple
 
 import numpy as np
@@ -35,7 +36,7 @@ import numpy as np
 from frischid.core.remembered import Remembered
 from frischid.core.types import Array
 from frischid.logs.filters import LowPass, power_spectrum
-from frischid.logs.log import STANDSTILL_SPAN, Log
+from frischid.logs.log import FEWEST_SAMPLES, STANDSTILL_SPAN, Log
 from frischid.logs.poses import is_static
 from frischid.logs.time_grid import retimed, uniform
 from frischid.logs.wraps import unwrapped
@@ -138,6 +139,8 @@ class LogSpectra:
         return float(np.median(known)) if len(known) else np.inf
 
 
+SPECTRUM_WINDOW = 8.0
+"""s. Length of the pieces of a log whose spectra are averaged; stamps that are farther apart belong to no piece."""
 LEAST_WINDOW = 8  # samples of one spectrum: fewer show no frequency; stamps in another unit leave fewer in 8 s
 _SPECTRA = Remembered[LogSpectra]()  # of logs, by joints
 
@@ -178,6 +181,25 @@ def _spectra_of(log: Log, joints: Sequence[str]) -> LogSpectra:
     if is_static(log):
         return LogSpectra((), log.rate, at_rest=True)
     chosen = retimed(unwrapped(log)).select(joints)
+    found = [_of_stretch(stretch) for stretch in _stretches(chosen)]
+    return LogSpectra(tuple(joint for joints_there in found for joint in joints_there), log.rate)
+
+
+def _stretches(log: Log) -> list[Log]:
+    """The log without the gaps that no window bridges: its stretches of at least a window, or else the longest one."""
+    steps = np.diff(log.t)
+    window = max(SPECTRUM_WINDOW, LEAST_WINDOW * float(np.median(steps)))
+    edges = [0, *(np.flatnonzero(steps > window) + 1).tolist(), len(log)]
+    if len(edges) == 2:
+        return [log]
+    parts = sorted(pairwise(edges), key=lambda part: float(log.t[part[1] - 1] - log.t[part[0]]), reverse=True)
+    parts = [(a, b) for a, b in parts if b - a >= FEWEST_SAMPLES]
+    long = [(a, b) for a, b in parts if log.t[b - 1] - log.t[a] >= window]
+    return [log.slice(a, b) for a, b in sorted(long or parts[:1])]
+
+
+def _of_stretch(chosen: Log) -> list[JointSpectrum]:
+    """Spectra of a stretch without long gaps, of every joint that moves there."""
     t, q, tau = uniform(chosen.t, chosen.q, np.full_like(chosen.q, np.nan) if chosen.tau is None else chosen.tau)
     step = (t[-1] - t[0]) / (len(t) - 1)
     f, power, floor = _spectrum(q, step)
@@ -195,7 +217,7 @@ def _spectra_of(log: Log, joints: Sequence[str]) -> LogSpectra:
         # below the motion's bandwidth the torque's spectrum may have holes, above it noise
         noisy = (torque[:, j] < ABOVE_FLOOR * torque_floor[j]) & (f > band)
         found.append(JointSpectrum(band, float(noise), float(f[noisy.argmax()]) if noisy.any() else np.nan))
-    return LogSpectra(tuple(found), log.rate)
+    return found
 
 
 def _motion_spectrum(f: Array, power: Array, floor: float) -> Array:
@@ -210,5 +232,5 @@ def _motion_spectrum(f: Array, power: Array, floor: float) -> Array:
 
 def _spectrum(x: Array, step: float) -> tuple[Array, Array, Array]:
     """Frequencies, power spectral density and its floor per column."""
-    f, power = power_spectrum(x, step, min(len(x), max(round(8 / step), LEAST_WINDOW)))
+    f, power = power_spectrum(x, step, min(len(x), max(round(SPECTRUM_WINDOW / step), LEAST_WINDOW)))
     return f, power, np.median(power[2 * len(f) // 3 :], axis=0)

@@ -2,6 +2,7 @@
 
 Entries are (joint, key, value). A sign multiplies the sign that the mapping has already, an offset is added to it. A
 unit of angle and the column of another joint replace the joint's own. An entry without a joint belongs to ``[file]``.
+Where the torque is a current times a gain, the unit and the column are those of the current.
 """
 
 from __future__ import annotations
@@ -10,9 +11,11 @@ from collections.abc import Mapping, Sequence
 from dataclasses import fields, replace
 from typing import Any
 
+import numpy as np
+
 from frischid.core.text import quoted
 from frischid.errors import InputError
-from frischid.logs.log import CHANNELS
+from frischid.logs.log import CHANNELS, Log
 from frischid.logs.mapping import JointMap, LogMap
 
 FILE_KEYS = (
@@ -20,7 +23,7 @@ FILE_KEYS = (
 )  # fmt: skip
 
 
-def corrected(form: LogMap, fixes: Sequence[tuple[str, str, Any]], channels: Sequence[str]) -> LogMap:
+def corrected(form: LogMap, fixes: Sequence[tuple[str, str, Any]], log: Log) -> LogMap:
     """The mapping with some entries changed.
 
     Parameters
@@ -29,10 +32,11 @@ def corrected(form: LogMap, fixes: Sequence[tuple[str, str, Any]], channels: Seq
         Of one layout.
     fixes : sequence of (str, str, object)
         Joint, key and value.
-    channels : sequence of str
-        Channels that the log has.
+    log : Log
+        As this mapping reads it, or its first samples.
     """
-    joint = dict(form.joint)
+    joint, currents = dict(form.joint), _of_currents(log, form)
+    channels = [c for c in CHANNELS if log.has(c).any()]
     for name, key, value in fixes:
         if not name:
             form = replace(form, **{key: value})
@@ -41,7 +45,7 @@ def corrected(form: LogMap, fixes: Sequence[tuple[str, str, Any]], channels: Seq
         if key in CHANNELS:
             if key not in channels:
                 continue
-            source = "current" if key == "tau" and entry.current_gain is not None and "current" in channels else key
+            source = "current" if key == "tau" and name in currents else key
             other = form.joint.get(value, JointMap())
             column = getattr(other, source)
             named: Any = form.default[source].replace("{joint}", value) if column is None else column
@@ -51,11 +55,24 @@ def corrected(form: LogMap, fixes: Sequence[tuple[str, str, Any]], channels: Seq
         elif key == "angle_unit":
             entry = replace(entry, angle_unit=value)
         else:
+            key = "current_factor" if key == "torque_factor" and name in currents else key
             entry = replace(entry, **{key: getattr(entry, key) * value})
             if key == "sign":
                 entry = replace(entry, offset=-entry.offset)
         joint[name] = entry
     return replace(form, joint=joint, file=None)
+
+
+def _of_currents(log: Log, form: LogMap) -> set[str]:
+    """Joints whose torque is their current times a gain; beside a torque column, a gain may be there and not used."""
+    found = set()
+    for name, entry in form.joint.items():
+        if entry.current_gain is None or name not in log.joints or log.tau is None or log.current is None:
+            continue
+        j = log.joints.index(name)
+        if np.array_equal(log.tau[:, j], entry.current_gain * log.current[:, j]):
+            found.add(name)
+    return found
 
 
 def toml_of(forms: Mapping[str, LogMap]) -> str:
@@ -86,8 +103,8 @@ def _table(title: str, entries: Mapping[str, Any]) -> list[str]:
     return ["", title, *(f"{key} = {quoted(x)}" for key, x in entries.items())]
 
 
-def together(parts: Sequence[tuple[str, LogMap, Sequence[tuple[str, str, Any]], Sequence[str]]]) -> str:
-    """Mapping file for several logs: name, mapping, fixes and channels of each.
+def together(parts: Sequence[tuple[str, LogMap, Sequence[tuple[str, str, Any]], Log]]) -> str:
+    """Mapping file for several logs: name, mapping, fixes and first samples of each.
 
     Raises
     ------
@@ -96,8 +113,8 @@ def together(parts: Sequence[tuple[str, LogMap, Sequence[tuple[str, str, Any]], 
     """
     found: dict[str, LogMap] = {}
     by_form: dict[str, tuple[str, LogMap]] = {}
-    for name, form, fixes, channels in parts:
-        fixed = corrected(form, fixes, channels)
+    for name, form, fixes, log in parts:
+        fixed = corrected(form, fixes, log)
         key = repr(replace(form, file=None))
         if key in by_form and by_form[key][1] != fixed:
             raise InputError(

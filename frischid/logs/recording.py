@@ -163,6 +163,10 @@ class Motions:
             notes += brief(said, log.source)
         self.notes = notes
 
+    def of(self, log: Log | Recording) -> Iterator[Motion]:
+        """The motions of one of the logs."""
+        return Motions((log,), self.joints, self.lowpass, self.velocity).__iter__()
+
     def _pass(self, chunk: Log) -> None:
         self._passed += len(chunk)
         self.told(self._passed)

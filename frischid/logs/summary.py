@@ -6,8 +6,8 @@ The summary takes one pass over all samples; recordings are read chunk by chunk.
 from __future__ import annotations
 
 import shlex
-from collections.abc import Mapping, Sequence
-from dataclasses import dataclass
+from collections.abc import Collection, Sequence
+from dataclasses import dataclass, replace
 from typing import Literal
 
 import numpy as np
@@ -15,37 +15,13 @@ import numpy as np
 from frischid.errors import InputError, UnknownNameError
 from frischid.logs.cutoff_choice import LogSpectra, spectra_of
 from frischid.logs.filters import LowPass
+from frischid.logs.locked_joints import LockedMotion
 from frischid.logs.log import DEAD_TORQUE, STANDSTILL_SPAN, Log, check_motion, check_torque
 from frischid.logs.poses import FEWEST_POSES, is_static, poses_of
 from frischid.logs.recording import Recording, chunks_of, preview_of
 from frischid.robot.robot import Robot
 
 Data = Log | Recording
-MOVING_LOCKED = 0.05
-"""A locked joint that moves by more than this, rad (m), is not locked."""
-LET_MOVE = "let them move and leave their torque out instead (--torque-joints)"
-"""Remedy for locked joints that move."""
-
-
-class LockedMotion:
-    """Motion of a robot's locked joints in logs, chunk by chunk."""
-
-    def __init__(self, robot: Robot) -> None:
-        self._locked = tuple(robot.locked)
-        self._range: dict[str, tuple[float, float]] = {}
-
-    def see(self, chunk: Log) -> None:
-        """Take the positions of the locked joints that a chunk holds."""
-        for name in self._locked:
-            if name in chunk.joints:
-                q = chunk.q[:, chunk.joints.index(name)]
-                low, high = self._range.get(name, (np.inf, -np.inf))
-                self._range[name] = (min(low, float(q.min())), max(high, float(q.max())))
-
-    @property
-    def moving(self) -> dict[str, float]:
-        """Locked joints that move nevertheless, and their range, rad (m)."""
-        return {name: high - low for name, (low, high) in self._range.items() if high - low > MOVING_LOCKED}
 
 
 @dataclass(frozen=True)
@@ -61,15 +37,15 @@ class LogSummary:
         Number of samples of each log.
     seconds : float
         Length of all logs together.
-    moving : dict of str to float
-        Locked joints that move nevertheless, and their range, rad (m).
+    locked : LockedMotion
+        Locked joints that move nevertheless, or stand at another angle.
     """
 
     lowpass: LowPass
     spectra: LogSpectra
     samples: tuple[int, ...]
     seconds: float
-    moving: dict[str, float]
+    locked: LockedMotion
 
 
 def summarise(
@@ -113,7 +89,7 @@ def summarise(
     lowpass = spectra.lowpass() if cutoff == "auto" else LowPass(cutoff)
     if spectra.at_rest and not spectra.joints:
         _check_poses(robot, logs)
-    return LogSummary(lowpass, spectra, tuple(samples), seconds, locked.moving)
+    return LogSummary(lowpass, spectra, tuple(samples), seconds, locked)
 
 
 def _check_poses(robot: Robot, logs: Sequence[Data]) -> None:
@@ -137,17 +113,30 @@ def held_by(robot: Robot, logs: Sequence[Data]) -> tuple[Robot, list[str]]:
     heads = [preview_of(log) for log in logs]
     held = [n for n in robot.joints if all(n in log.joints for log in heads)]
     if not held:
+        holds = [f"{log.source} holds {', '.join(head.joints)}" for log, head in zip(logs, heads, strict=True)]
+        shared = "the logs share no joint with the robot" if len(logs) == 1 else "no joint of the robot is in all logs"
         raise InputError(
-            f"the logs share no joint with the robot; joints of the robot are {', '.join(robot.joints)}; "
-            f"{logs[0].source} holds {', '.join(heads[0].joints)}"
+            f"{shared}; joints of the robot are {', '.join(robot.joints)}; {'; '.join(dict.fromkeys(holds))}"
+            + "; identify logs that hold the same joints, or name the columns in a mapping file (--map)"
+            * (len(logs) > 1)
         )
     _refuse_torque_without_position(robot, held, heads)
-    kept = robot.keep(held)
+    kept = _where_they_stand(robot.keep(held), robot.locked, heads)
     by_angle: dict[str, list[str]] = {}
     for name, angle in kept.locked.items():
         why = "" if name in robot.locked else " (not every log has the position; --lock JOINT=ANGLE sets another angle)"
         by_angle.setdefault(f"{angle:.4g} rad (m){why}", []).append(name)
     return kept, [f"locked at {angle}: {', '.join(names)}" for angle, names in by_angle.items()]
+
+
+def _where_they_stand(robot: Robot, given: Collection[str], heads: Sequence[Log]) -> Robot:
+    """The robot with the joints that only some logs hold at their median position there, but for the given locks."""
+    angles = {}
+    for name in robot.locked:
+        known = [log.q[:, log.joints.index(name)] for log in heads if name in log.joints]
+        if name not in given and known:
+            angles[name] = float(np.median(known[0]))
+    return replace(robot, locked={**robot.locked, **angles}) if angles else robot
 
 
 def _refuse_torque_without_position(robot: Robot, held: Sequence[str], heads: Sequence[Log]) -> None:
@@ -208,13 +197,3 @@ def _constant(log: Log, rows: Sequence[str]) -> list[str]:
         return []
     same = (np.ptp(log.tau, axis=0) <= DEAD_TORQUE) & (np.ptp(log.q, axis=0) >= STANDSTILL_SPAN)
     return [n for n in rows if n in log.joints and same[log.joints.index(n)]]
-
-
-def moving_but_locked(moving: Mapping[str, float]) -> list[str]:
-    """Warning about joints that the user locked although they move in a log: the model is then of another robot."""
-    return [f"locked but moving in a log: {spans_of(moving)}; {LET_MOVE}"] if moving else []
-
-
-def spans_of(moving: Mapping[str, float]) -> str:
-    """Joints and their ranges of motion, in words."""
-    return ", ".join(f"{name} by {span:.2g} rad (m)" for name, span in moving.items())

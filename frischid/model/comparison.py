@@ -251,6 +251,12 @@ class ModelErrors:
         self._kept.add(block, fitted)
         self.expected.add(block)
 
+    def own_torque(self) -> tuple[Array, Array]:
+        """Mean and spread of the torque seen, (J,) each; from now on this mean is that of the model's own logs."""
+        mean = self._moving.tau / np.maximum(self._moving.count, 1)
+        self._model = replace(self._model, mean_torque=mean)
+        return mean, self._moving.std
+
     def comparison(self, sources: tuple[str, ...]) -> Comparison:
         """The comparison on these logs, without alarms.
 

@@ -17,7 +17,6 @@ from typing import Any, Unpack
 import numpy as np
 
 from frischid.core.shown import Shown
-from frischid.core.types import Array
 from frischid.effects import Effect
 from frischid.errors import InputError
 from frischid.estimators.bbrf import Recursion
@@ -46,7 +45,6 @@ from frischid.model.model import Model
 from frischid.model.own_logs import log_entry
 from frischid.model.torque_lag import TorqueLag, described, refused
 from frischid.regression.base_parameters import Reduction
-from frischid.regression.moments import Gram
 from frischid.robot.robot import Robot
 
 
@@ -205,7 +203,7 @@ def identify(
 
 def _left_out(found: Measured) -> float:
     """NRMSE on stretches that were left out of the fit, mean over the joints."""
-    return float(np.mean(_nrmse(found.bounds.fit.problem.whole, found.variance)))
+    return float(np.mean(_nrmse(found)))
 
 
 def _as_recorded(found: Measured, lag: TorqueLag) -> Measured:
@@ -237,9 +235,9 @@ def assess(found: Measured) -> Identification:
     """Stage 6: the model, its error on stretches and logs that were left out, and its history."""
     bounds, model, there, lag = found.bounds, found.model, found.there, found.lag
     fit, problem, data = bounds.fit, bounds.fit.problem, bounds.fit.problem.data
-    journal, whole, variance = data.journal, problem.whole, found.variance
+    journal, variance = data.journal, found.variance
     still = () if there is None else there.not_compared
-    pairs = zip(data.joints, _nrmse(whole, variance), strict=True)
+    pairs = zip(data.joints, _nrmse(found), strict=True)
     cross_validation = {name: x for name, x in pairs if name not in still}
     before = fit_alarms(fit, model, still, cross_validation, there)
     own = None if there is None else from_fit(there, dict(zip(data.joints, np.sqrt(variance), strict=True)), before)
@@ -272,7 +270,7 @@ def assess(found: Measured) -> Identification:
         headline=headline,
         cross_validation=cross_validation,
         comparison=comparison,
-        samples=int(whole.counts.max()),
+        samples=int(problem.whole.counts.max()),
         notes=notes,
         warnings=warnings,
         alarms=before if headline is None else headline.alarms,
@@ -292,6 +290,7 @@ def _event(
     )
 
 
-def _nrmse(whole: Gram, variance: Array) -> list[float]:
-    spread = np.maximum(whole.torque_ss() / np.maximum(whole.counts, 1.0), 1e-300)  # a torque that never changes
-    return [float(np.sqrt(v / s)) for v, s in zip(variance, spread, strict=True)]
+def _nrmse(found: Measured) -> list[float]:
+    """Error of each joint on stretches left out of the fit, over the standard deviation of its measured torque."""
+    spread = np.maximum(found.spread, 1e-150)  # a torque that never changes
+    return [float(x) for x in np.sqrt(found.variance) / spread]

@@ -48,7 +48,7 @@ REACHED = 0.99
 
 
 def fit_record(fit: Fit) -> FitRecord:
-    """Record of a fit; its scores and its model's share come from the next pass over the logs."""
+    """Record of a fit; its scores, its model's share and its spread come from the next pass over the logs."""
     problem = fit.problem
     index = [problem.data.robot.joints.index(n) for n in problem.data.joints]
     reach = np.zeros((2, len(index)))
@@ -57,8 +57,7 @@ def fit_record(fit: Fit) -> FitRecord:
             reach[row] = np.maximum(reach[row], np.quantile(np.abs(x[:, index]), REACHED, axis=0))
     urdf = friction_alone(problem.blocks, problem.reduction.mapping, problem.urdf, _friction(problem))
     scores = np.full((len(LEVELS), len(index)), np.nan)
-    spread = np.sqrt(problem.whole.torque_ss() / np.maximum(problem.whole.counts, 1.0))
-    return FitRecord(reach[0], reach[1], urdf, scores, np.ones(len(index)), spread)
+    return FitRecord(reach[0], reach[1], urdf, scores, np.ones(len(index)), np.full(len(index), np.nan))
 
 
 def _friction(problem: Problem) -> set[str]:
@@ -99,12 +98,13 @@ def fit_alarms(
         Of the model on the fitted logs.
     """
     problem, criteria = fit.problem, fit.problem.data.options.alarm_criteria
-    posterior = _posterior(fit)
+    posterior, record = _posterior(fit), model.fitted
+    spread = np.zeros(len(model.joints)) if record is None else record.spread
     currents = problem.data.options.currents
     found = [
         *gains_from_masses({} if currents is None else currents.doubt),
         *_gains(problem, criteria),
-        *undetermined(_disagreement(problem, posterior, criteria.faster), criteria),
+        *undetermined(_disagreement(problem, posterior, criteria.faster, spread), criteria),
         *noisy_cutoff(problem.data.summary.spectra, problem.data.lowpass.cutoff, criteria),
         *too_short(problem.data.summary.seconds, criteria),
         *never_moving(still),
@@ -177,8 +177,8 @@ def _posterior(fit: Fit) -> MapEstimate:
     return map_estimate(problem.blocks, problem.reduction.mapping, problem.urdf, rule)
 
 
-def _disagreement(problem: Problem, posterior: MapEstimate, factor: float) -> dict[str, float]:
-    """Joint -> difference of the two fits on the faster motion, over the standard deviation of the torque.
+def _disagreement(problem: Problem, posterior: MapEstimate, factor: float, spread: Array) -> dict[str, float]:
+    """Joint -> difference of the two fits on the faster motion, over the standard deviation of the measured torque.
 
     Of a joint that is always at standstill, the logs know nothing: it counts as 1.
     """
@@ -188,9 +188,8 @@ def _disagreement(problem: Problem, posterior: MapEstimate, factor: float) -> di
     for Y, _ in run_faster(problem.regressor, problem.data.motions, factor):
         found = np.einsum("npj,pk->njk", Y[:, list(problem.reduction.base)][:, :, index], steps, optimize=True)
         squares, count = squares + (found**2).sum(axis=(0, 2)), count + len(found)
-    whole, mean = problem.whole, squares / max(count, 1)
-    power = np.maximum(whole.torque_ss(), 1e-300) / np.maximum(whole.counts, 1.0)
-    ratio = np.where(whole.counts > 0, np.sqrt(mean / power), 1.0)
+    ratio = np.sqrt(squares / max(count, 1)) / np.maximum(spread, 1e-150)
+    ratio = np.where(problem.whole.counts > 0, ratio, 1.0)
     return dict(zip(problem.data.joints, ratio.tolist(), strict=True))
 
 

@@ -26,7 +26,7 @@ from frischid.estimators.least_squares import Estimate
 from frischid.estimators.sensor_noise import noise_limits, sensor_moments
 from frischid.estimators.sensorwise import sensorwise
 from frischid.estimators.state_samples import samples
-from frischid.logs.summary import moving_but_locked
+from frischid.logs.locked_joints import moving_but_locked, standing_elsewhere
 from frischid.model.identification_criteria import IdentificationCriteria
 from frischid.model.identification_stages import Fit
 from frischid.regression.block import Block, stack
@@ -89,7 +89,9 @@ def bound_parameters(fit: Fit) -> Bounds:
         estimate, box = _by_sensors(fit)
         if box is not None:
             boxes["sensorwise"] = box
-    journal.warnings += [*estimate.notes, *moving_but_locked(fit.problem.data.summary.moving)]
+    locked = fit.problem.data.summary.locked
+    journal.warnings += [*estimate.notes, *moving_but_locked(locked.moving, locked.absent)]
+    journal.warnings += standing_elsewhere(locked.elsewhere)
     # Nearly every robot has these doubts about its boxes. They are warnings where the values come from a box.
     said = journal.warnings if selection is not None else journal.notes
     said += [] if triangle is None else _doubts(triangle, recursion)

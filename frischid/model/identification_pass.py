@@ -42,6 +42,8 @@ class Measured:
         With its own logs; None where no torque changes.
     lag : TorqueLag or None
         Of these logs.
+    spread : ndarray, shape (J,)
+        Standard deviation of each joint's measured torque, N·m (N).
     """
 
     bounds: Bounds
@@ -49,6 +51,7 @@ class Measured:
     model: Model
     there: Comparison | None
     lag: TorqueLag | None
+    spread: Array
 
 
 def measured(bounds: Bounds, *, with_lag: bool = True) -> Measured:
@@ -61,13 +64,16 @@ def measured(bounds: Bounds, *, with_lag: bool = True) -> Measured:
         folds = map_folds(problem.blocks, problem.reduction.mapping, fit.posterior)
     data.journal.stage("comparison")
     lags = LagSums(problem, bounds.estimate, wanted=with_lag)
-    model, there = _compared(bounds, ResidualScores(problem, folds, bounds.estimate), lags)
+    model, there, spread = _compared(bounds, ResidualScores(problem, folds, bounds.estimate), lags)
     lag = torque_lag(problem, bounds.estimate, lags)
-    return Measured(bounds, held_out_variance(folds), model, there, lag)
+    return Measured(bounds, held_out_variance(folds), model, there, lag, spread)
 
 
-def _compared(bounds: Bounds, scores: ResidualScores, lags: LagSums) -> tuple[Model, Comparison | None]:
-    """The model with its record, and its comparison with its own logs; None where no torque changes."""
+def _compared(bounds: Bounds, scores: ResidualScores, lags: LagSums) -> tuple[Model, Comparison | None, Array]:
+    """The model with its record, its comparison with its own logs (None where no torque changes), the torques' spread.
+
+    Mean and spread are those of the torque as measured: the moments lack the torque of known parameters.
+    """
     fit, data, record = bounds.fit, bounds.fit.problem.data, fit_record(bounds.fit)
     model = _model(bounds, record)
     errors = ModelErrors(model, residuals_kept=1)
@@ -75,14 +81,15 @@ def _compared(bounds: Bounds, scores: ResidualScores, lags: LagSums) -> tuple[Mo
         errors.add(block, fitted)
         scores.add(block)
         lags.add(block)
-    record = replace(record, scores=scores.quantiles())
+    mean, spread = errors.own_torque()
+    model, record = replace(model, mean_torque=mean), replace(record, scores=scores.quantiles(), spread=spread)
     try:
         there = errors.comparison(tuple(log.source for log in data.logs))
     except InputError:
-        return replace(model, fitted=record), None
+        return replace(model, fitted=record), None, spread
     if fit.posterior is not None:
         record = replace(record, model_share=model_share(fit.problem, there, fit.posterior.rows))
-    return replace(model, fitted=record), there
+    return replace(model, fitted=record), there, spread
 
 
 def _model(bounds: Bounds, record: FitRecord) -> Model:
@@ -96,7 +103,7 @@ def _model(bounds: Bounds, record: FitRecord) -> Model:
         base=problem.reduction.base,
         expressions=tuple(problem.reduction.expressions()),
         estimate=bounds.estimate,
-        mean_torque=problem.whole.sums[:, -1] / np.maximum(problem.whole.counts, 1.0),
+        mean_torque=np.zeros(len(data.joints)),
         bounds=bounds.boxes,
         reference=data.options.reference,
         recursion=recursion_record(bounds, data.options.criteria),

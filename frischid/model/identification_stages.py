@@ -160,7 +160,7 @@ def _nothing(_: int) -> None:
 def _check_issues(data: LogData) -> None:
     """Warn of suspicious findings in the logs; stop at an issue that makes an identification worthless."""
     data.journal.stage("checking the logs")
-    prepared = None if data.streamed else (data.lowpass, list(data.motions))
+    prepared = None if data.streamed else (data.lowpass, [list(data.preparation.of(log)) for log in data.logs])
     reports = report_issues(data.robot, data.logs, prepared)
     issues = [(r.source, x) for r in reports for x in r.issues if x.kind != "standstill"]  # a note says it of all logs
     data.journal.warnings += [f"{source}: {issue.short}" for source, issue in issues]

@@ -5,7 +5,7 @@ The checks themselves are in `frischid.checks`; this module applies them to the 
 
 from __future__ import annotations
 
-from collections.abc import Callable, Sequence
+from collections.abc import Callable, Mapping, Sequence
 from contextlib import suppress
 from dataclasses import replace
 from functools import cache
@@ -24,11 +24,12 @@ from frischid.logs.cutoff_choice import choose_lowpass
 from frischid.logs.driven import driven
 from frischid.logs.filters import LowPass
 from frischid.logs.given import Logs, as_logs
+from frischid.logs.locked_joints import LockedMotion, lock_there, places_of, remedy, spans_of
 from frischid.logs.log import Log
 from frischid.logs.mapping import MappingLike
 from frischid.logs.preprocessing import Motion, prepare
 from frischid.logs.recording import brief, chunks_of, preview_of
-from frischid.logs.summary import LET_MOVE, Data, LockedMotion, check_usable, held_by, spans_of
+from frischid.logs.summary import Data, check_usable, held_by
 from frischid.model.identify_options import Cutoff, IdentifyOptions
 from frischid.model.model_parts import robot_text
 from frischid.model.unknown_drive import known_controller
@@ -96,6 +97,7 @@ def check(
     logs = driven(logs, known_controller(robot, logs, IdentifyOptions(controller=controller), found), currents)
     robot, locked = held_by(robot, logs)
     locked += found
+    absent = {n: head.source for head in map(preview_of, logs[::-1]) for n in robot.locked if n not in head.joints}
 
     @cache
     def reduction() -> Reduction:
@@ -107,7 +109,7 @@ def check(
     reports = []
     for k, log in enumerate(logs, 1):
         progress(f"checking log {k} of {len(logs)}")
-        reports.append(_checked(robot, log, reduction, locked, rows, alone=len(logs) == 1))
+        reports.append(_checked(robot, log, reduction, locked, rows, absent, alone=len(logs) == 1))
     return reports
 
 
@@ -129,6 +131,7 @@ def _checked(
     reduction: Callable[[], Reduction],
     locked: Sequence[str],
     rows: Sequence[str],
+    absent: Mapping[str, str],
     *,
     alone: bool,
 ) -> LogReport:
@@ -158,7 +161,9 @@ def _checked(
         raise faults[0]
     if moving := motion.moving:
         what = f"locked but moving in the log: {spans_of(moving)}"
-        report = report.with_issue(LogIssue("locked joint moves", what, (), "certain", LET_MOVE))
+        report = report.with_issue(LogIssue("locked joint moves", what, (), "certain", remedy(moving, absent)))
+    if off := motion.elsewhere:
+        report = report.with_issue(LogIssue("locked joint elsewhere", places_of(off), (), "certain", lock_there(off)))
     doubts = [f"{robot.source}, {doubt}" for doubt in urdf_doubts(robot.urdf)]
     notes = [*doubts, *locked, *(brief(said, log.source) if is_long(log) else said)]
     return replace(report, facts={**report.facts, "joints": list(robot.joints), "notes": notes})
@@ -186,7 +191,7 @@ def _fault(robot: Robot, log: Log, *, whole: bool) -> InputError | None:
 
 
 def report_issues(
-    robot: Robot, logs: Sequence[Data], prepared: tuple[LowPass, Sequence[Motion]] | None = None
+    robot: Robot, logs: Sequence[Data], prepared: tuple[LowPass, Sequence[Sequence[Motion]]] | None = None
 ) -> list[LogReport]:
     """Issues of every log; of a recording those of its first chunk.
 
@@ -194,16 +199,15 @@ def report_issues(
     ----------
     robot : Robot
     logs : sequence of Log or Recording
-    prepared : LowPass and sequence of Motion, optional
-        Filter and motions of all logs, where the caller has them: the checks are then brief.
+    prepared : LowPass and sequence of sequence of Motion, optional
+        Filter and motions of each log, where the caller has them: the checks are then brief.
     """
 
     @cache
     def reduction() -> Reduction:
         return structure(Regressor(robot, BASELINE), robot.joints)
 
-    def report(log: Log) -> LogReport:
-        own = prepared and (prepared[0], [m for m in prepared[1] if m.source == log.source])
+    def report(log: Log, own: tuple[LowPass, Sequence[Motion]] | None) -> LogReport:
         alone = len(logs) == 1
         motions = () if own is None else tuple(own[1])
         key = (robot_text(robot), alone, own and own[0].cutoff, motions)
@@ -211,7 +215,8 @@ def report_issues(
             log, key, lambda: inspect(robot, log.select(robot.joints), reduction, alone=alone, prepared=own)
         )
 
-    return [report(next(chunks_of(log))) for log in logs]
+    each = [None] * len(logs) if prepared is None else [(prepared[0], motions) for motions in prepared[1]]
+    return [report(next(chunks_of(log)), own) for log, own in zip(logs, each, strict=True)]
 
 
 def refuse_worthless(reports: Sequence[LogReport]) -> None:

@@ -537,3 +537,16 @@ def test_reading_a_log_needs_no_package_that_imports_slowly(words, tmp_path):
         "assert not {'scipy.signal', 'scipy.stats'} & set(sys.modules)"
     )
     subprocess.run([sys.executable, "-c", code], cwd=tmp_path, check=True, capture_output=True)
+
+
+def test_a_gap_of_days_costs_nothing_and_does_not_move_the_cutoff():
+    """The spectra had held the gap too: a spline through the night, of as many samples as the night has."""
+    t = 0.01 * np.arange(3000)
+    q = np.column_stack([np.sin(2 * np.pi * 0.5 * t), np.cos(2 * np.pi * 0.7 * t)])
+    rng = np.random.default_rng(0)
+    q = q + 1e-5 * rng.standard_normal(q.shape)
+    tau = q + 1e-3 * rng.standard_normal(q.shape)
+    parts = [Log(t[k], ("a", "b"), q[k], tau=tau[k], source="part") for k in (slice(0, 1500), slice(1500, 3000))]
+    stamps = np.concatenate([t[:1500], t[1500:] + 1e9])  # thirty years: no memory holds such a grid
+    night = Log(stamps, ("a", "b"), q, tau=tau, source="night")
+    assert choose_lowpass([night], ("a", "b")).cutoff == choose_lowpass(parts, ("a", "b")).cutoff

@@ -108,6 +108,22 @@ def test_parameters_known_outright_are_in_both_torques():
     assert result.nrmse < 0.06
 
 
+def test_the_references_of_a_model_with_known_parameters_are_those_of_the_measured_torque():
+    """The moments lack the torque of known parameters: neither their mean nor their spread is the measured torque's."""
+    values = random_values(Robot.load("planar2"), BASELINE) | {"m2": 10.0}
+    logs = [exact_log(Robot.load("planar2"), BASELINE, values, seed=seed, noise=NOISE) for seed in (1, 2)]
+    plain, known = (
+        identify(Robot.load("planar2", known=given), logs[:1], valid=logs[1:], recursion="none")
+        for given in ({}, {"m2": 10.0})
+    )
+    assert known.comparison.constant == pytest.approx(plain.comparison.constant, rel=1e-9)
+    np.testing.assert_allclose(known.model.mean_torque, plain.model.mean_torque)
+    np.testing.assert_allclose(known.model.fitted.spread, plain.model.fitted.spread)
+    # the errors of the joints, over the same spread, are those of the one headline
+    own = identify(Robot.load("planar2", known={"m2": 10.0}), logs[:1], recursion="none")
+    assert own.cross_validation == pytest.approx(own.headline.joints)
+
+
 def test_resting_samples_are_left_out_and_counted():
     log = exact_log(UR10, BASELINE, VALUES, 12.0, 100.0, 2, noise=NOISE)  # to its end, where it comes to rest
     rest = 400

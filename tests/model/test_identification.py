@@ -10,8 +10,9 @@ from frischid.effects import BASELINE, parse_effects
 from frischid.errors import EmptyBoxError, IdentifiabilityError, InputError, UnknownNameError
 from frischid.estimators.frisch import Box
 from frischid.estimators.least_squares import cross_validated
+from frischid.logs.locked_joints import moving_but_locked
 from frischid.logs.log import Log
-from frischid.logs.summary import moving_but_locked, summarise
+from frischid.logs.summary import summarise
 from frischid.model.identification import identify
 from frischid.model.identification_bounds import without_information
 from frischid.model.identify_options import ESTIMATORS
@@ -122,6 +123,46 @@ def test_columns_of_the_log_in_another_order():
     np.testing.assert_allclose(first.model.estimate.theta, second.model.estimate.theta, rtol=1e-9)
 
 
+def standing_at(angle, seed=1):
+    """A log of the planar arm whose first joint stands at an angle."""
+    arm = Robot.load("planar2", lock={"joint1": angle})
+    log = exact_log(arm, BASELINE, seed=seed, noise=Noise(tau=0.01))
+    wide = {c: np.column_stack([np.full(len(log), x), getattr(log, c)[:, 0]]) for c, x in (("q", angle), ("tau", 0.0))}
+    return replace(log, joints=("joint1", "joint2"), v=None, a=None, source=f"at {angle}", **wide)
+
+
+def test_a_joint_that_not_every_log_holds_is_locked_where_another_log_says():
+    log = standing_at(1.0)
+    found = quick(PLANAR, [log, replace(standing_at(1.0, 2).select(["joint2"]), source="short")])
+    assert found.model.robot.locked == {"joint1": pytest.approx(1.0)}
+    assert not any("gravity" in warning for warning in found.warnings)
+
+
+def test_a_lock_that_contradicts_the_log_is_said_with_the_right_one():
+    log = standing_at(1.0)
+    (said,) = (w for w in quick(Robot.load("planar2", lock={"joint1": 0.0}), [log]).warnings if "is locked at" in w)
+    assert said == (
+        "joint1 is locked at 0 and stands at 1 rad (m) in a log; lock where the log says (--lock joint1=1), or correct "
+        "the position column"
+    )
+    (report,) = check(Robot.load("planar2", lock={"joint1": 0.0}), [log])
+    assert "locked joint elsewhere" in [issue.kind for issue in report.issues]
+    for right in (1.0, 1.0 + 2 * np.pi):
+        robot = Robot.load("planar2", lock={"joint1": right})
+        assert not any("is locked at" in w for w in quick(robot, [log]).warnings)
+        assert check(robot, [log])[0].issues == ()
+
+
+def test_a_joint_that_moves_and_is_missing_from_another_log_has_a_remedy_that_works():
+    log, other = planar_log(), planar_log(seed=2)
+    short = replace(other.select(["joint1"]), source="short")
+    found = quick(PLANAR, [log, short])
+    (said,) = (w for w in found.warnings if w.startswith("locked but moving"))
+    assert said.endswith("joint2: short has no position; leave that log out, or record q_joint2 there too")
+    with pytest.raises(InputError, match=r"no joint of the robot is in all logs.*holds joint2; short holds joint1"):
+        quick(PLANAR, [log.select(["joint2"]), short])
+
+
 def test_a_locked_joint_may_move_by_three_degrees():
     robot = Robot.load("ur10", lock=["elbow_joint"])
     log = exact_log(UR10, BASELINE)
@@ -129,7 +170,7 @@ def test_a_locked_joint_may_move_by_three_degrees():
     for travel, expected in ((0.045, {}), (0.055, {"elbow_joint": pytest.approx(0.055)})):
         q = np.array(log.q)
         q[:, column] = np.linspace(0.2, 0.2 + travel, len(q))
-        assert summarise(robot, [replace(log, q=q)], robot.joints).moving == expected
+        assert summarise(robot, [replace(log, q=q)], robot.joints).locked.moving == expected
 
 
 def test_locked_joints_that_move_are_one_warning():
