@@ -1,9 +1,11 @@
-"""Positions in degrees, seen from the motion alone; and of which joints, told by the torques.
+"""Positions in degrees or millimetres, seen from the motion alone; and which joints are in degrees, by the torques.
 
 Degrees read as radians are 57 times too large, and so implausible for a joint that moves far. A joint that moves by a
 few degrees stays plausible, so that the motion cannot tell whether the implausible joints alone are in degrees or all
 of them. The torques can: both readings are fitted with friction, and the score of `frischid.checks.explanation`
 decides.
+
+A sliding joint is in millimetres where the range of its motion is then nearer to the URDF's.
 """
 
 from __future__ import annotations
@@ -19,6 +21,7 @@ from frischid.checks.log_issue import Notebook, span
 from frischid.checks.position_faults import degree_faults
 from frischid.checks.row_fits import RowFits, local_fits
 from frischid.checks.sketch import Sketch
+from frischid.logs.column_units import in_millimetres
 from frischid.logs.log import Log
 from frischid.robot.robot import Robot
 from frischid.robot.stated_inertials import unstated
@@ -107,6 +110,24 @@ def check_degrees(found: Implausible, sketch: Callable[[], Sketch | None], notes
         notes.fix += fix
     else:
         notes.add("degrees", found.evidence, where, "likely", f"if so, {advice}")
+
+
+def check_millimetres(robot: Robot, log: Log, notes: Notebook) -> bool:
+    """Report sliding joints whose positions are in millimetres, and how a mapping file undoes that; whether any is."""
+    motion, strokes = np.ptp(log.q, axis=0), robot.limits.stroke
+    read = [in_millimetres(seen, stroke) for seen, stroke in zip(motion.tolist(), strokes.tolist(), strict=True)]
+    found = np.array(read, dtype=bool) & robot.prismatic
+    for joint, seen, stroke in zip(notes.which(found), motion[found], strokes[found], strict=True):
+        notes.add(
+            "millimetres",
+            f"moves over {seen:.4g} m where the URDF's limits leave {stroke:.4g} m: positions look like millimetres",
+            (joint,),
+            "certain",
+            f'set angle_unit = "mm" under [joint.{joint}] in a mapping file',
+            blocks=True,
+        )
+        notes.fix += ((joint, "angle_unit", "mm"),)
+    return bool(found.any())
 
 
 def _which(joints: NDArray[np.bool_], sketch: Sketch) -> Fault | None:

@@ -12,7 +12,7 @@ import numpy as np
 from frischid.checks.channels import check_channels, check_jumps
 from frischid.checks.check_criteria import DEFAULT_CRITERIA, CheckCriteria
 from frischid.checks.clock import check_clock
-from frischid.checks.degrees import check_degrees, implausible_motion
+from frischid.checks.degrees import check_degrees, check_millimetres, implausible_motion
 from frischid.checks.excitation import FreeFit, check_excitation, free_fit
 from frischid.checks.lag import check_lag
 from frischid.checks.log_issue import LogReport, Notebook, span
@@ -104,7 +104,7 @@ def inspect(
             "certain",
             "name the controller that turns commands into torque: --controller pd --kp ... --kd ...",
         )
-    if check_jumps(log, notes):
+    if check_jumps(log, notes) or check_millimetres(robot, log, notes):
         return notes.report(log.source)
     still = is_static(log)
     check_clock(log, notes, still=still)

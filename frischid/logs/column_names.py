@@ -144,7 +144,7 @@ def unit_of(name: str) -> tuple[str, str]:
     """
     if bracket := re.search(r"[\[(<]([^\])>]*[^\])>\d\s][^\])>]*)[\])>]", name):
         return bracket[1].strip().lower(), (name[: bracket.start()] + name[bracket.end() :]).strip(" _")
-    end = re.fullmatch(r"(.+?)[_ ](mA|mNm|Nmm|Ncm|Nm|deg|rad|rpm|pct|percent|ms|us|ns)", name)
+    end = re.fullmatch(r"(.+?)[_ ](mA|mNm|Nmm|Ncm|Nm|mm|deg|rad|rpm|pct|percent|ms|us|ns)", name)
     return (end[2].lower(), end[1]) if end else ("", name)
 
 

@@ -1,4 +1,4 @@
-"""Units in a proposed mapping: velocities against slopes of positions, degrees against the URDF's limits."""
+"""Units in a proposed mapping: velocities against slopes of positions, degrees and millimetres against URDF limits."""
 
 from __future__ import annotations
 
@@ -64,6 +64,44 @@ def propose_degrees(table: Table, robot: Robot, found: Proposal) -> None:
             "under each joint gear_ratio = counts per radian, and torque_factor = 1/gear_ratio where the torques are "
             "those of the joints"
         )
+
+
+def propose_millimetres(table: Table, robot: Robot, found: Proposal) -> None:
+    """Propose millimetres for sliding joints whose columns say so by name, or move so far."""
+    said = []
+    for joint, columns in found.joints.items():
+        k = robot.joints.index(joint)
+        if not robot.prismatic[k] or "q" not in columns:
+            continue
+        q = np.asarray(table.numeric[columns["q"]], dtype=float)
+        by_name, seen = unit_of(columns["q"])[0] == "mm", q[np.isfinite(q)]
+        if by_name or (len(seen) and in_millimetres(float(np.ptp(seen)), float(robot.limits.stroke[k]))):
+            found.factors.setdefault(joint, {})["angle_unit"] = "mm"
+            said.append(f"{columns['q']} in millimetres, by {'its name' if by_name else 'the range of its motion'}")
+    found.reasons += [", ".join(said)] if said else []
+
+
+def in_millimetres(span: float, stroke: float) -> bool:
+    """Whether a range of motion is nearer to a sliding joint's stroke as millimetres than as metres.
+
+    Both readings are compared by the ratio of range and stroke. Without a stroke in the URDF there is no answer.
+
+    Parameters
+    ----------
+    span : float
+        Range of the recorded positions, in their unit.
+    stroke : float
+        Range between the joint's limits, m; infinite without limits.
+
+    Examples
+    --------
+    >>> in_millimetres(230.0, 0.4), in_millimetres(0.23, 0.4), in_millimetres(0.9, 0.4)
+    (True, False, False)
+    """
+    if not 0 < stroke < np.inf or span <= 0:
+        return False
+    metres = abs(np.log(span / stroke))
+    return bool(abs(np.log(span / 1000 / stroke)) < metres)
 
 
 def radians_per_unit(table: Table, robot: Robot, found: Proposal) -> float:

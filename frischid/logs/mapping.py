@@ -61,8 +61,8 @@ class JointMap:
         Joint-side torque per ampere [N·m/A]: ``tau = current_gain · current`` where there is no tau column.
     tau_from : {"tau", "current"}, optional
         Channel that gives the torque, if both are recorded.
-    angle_unit : {"rad", "deg", "m"}, optional
-        Unit of this joint, if it differs from the file's (a prismatic joint in a file of degrees: ``"m"``).
+    angle_unit : {"rad", "deg", "m", "mm"}, optional
+        Unit of this joint, if it differs from the file's (a prismatic joint in a file of degrees: ``"m"``, ``"mm"``).
     """
 
     q: str | int | None = None

@@ -29,7 +29,13 @@ from frischid.core.types import Array
 from frischid.errors import InputError
 from frischid.logs.column_motion import UNEXPLAINED, Grid, columns_by_motion, order_is_confirmed, unexplained
 from frischid.logs.column_names import SETPOINT_WORDS, Assignment, assign, exactly, families, set_point, split
-from frischid.logs.column_units import check_velocities, propose_degrees, propose_effort_units, radians_per_unit
+from frischid.logs.column_units import (
+    check_velocities,
+    propose_degrees,
+    propose_effort_units,
+    propose_millimetres,
+    radians_per_unit,
+)
 from frischid.logs.gain_guess import guess_gains
 from frischid.logs.log import CHANNELS, FEWEST_SAMPLES
 from frischid.logs.mapping_table import USUAL_RATE, rate_of, stamps_of, table_of, time_column
@@ -87,6 +93,7 @@ def propose(path: str | Path, robot: Robot, rate: float | None = None) -> Propos
     guess_gains(table, t, found)
     check_velocities(table, t, found)
     propose_degrees(table, robot, found)
+    propose_millimetres(table, robot, found)
     propose_effort_units(found)
     used = {*found.set_points, *(name for columns in found.joints.values() for name in columns.values())}
     unused = [n for n in named if n.strip() and n not in used]

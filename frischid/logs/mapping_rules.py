@@ -14,7 +14,8 @@ from frischid.core.text import shortened
 from frischid.errors import InputError, UnknownNameError
 from frischid.logs.log import CHANNELS, GARBAGE
 
-RADIANS_PER_UNIT = {"rad": 1.0, "m": 1.0, "deg": np.pi / 180}
+RADIANS_PER_UNIT = {"rad": 1.0, "m": 1.0, "deg": np.pi / 180, "mm": 1e-3}
+"""rad of a turning joint, m of a sliding one."""
 TICKS_PER_SECOND = {"s": 1.0, "ms": 1e3, "us": 1e6, "ns": 1e9}
 TABLES = ("file", "default", "joint", "current_gain", "layout")
 

@@ -28,8 +28,8 @@ class Proposal:
         URDF joint -> joint-side torque per ampere, where the log itself gives it.
     set_points : list of str
         Columns that the gains come from.
-    factors : dict of str to dict of str to float
-        URDF joint -> key of the mapping file -> factor of its torque or current, where names say the unit.
+    factors : dict of str to dict of str to float or str
+        URDF joint -> key of the mapping file -> factor of its torque or current, or unit of its position.
     """
 
     file: dict[str, object] = field(default_factory=dict)
@@ -39,7 +39,7 @@ class Proposal:
     missing: tuple[str, ...] = ()
     gains: dict[str, float] = field(default_factory=dict)
     set_points: list[str] = field(default_factory=list)
-    factors: dict[str, dict[str, float]] = field(default_factory=dict)
+    factors: dict[str, dict[str, float | str]] = field(default_factory=dict)
 
     def tables(self) -> dict[str, dict[str, Any]]:
         """The mapping as `LogMap.from_dict` takes it."""
@@ -61,7 +61,7 @@ class Proposal:
         for joint, columns in self.joints.items():
             lines += ["", f"[joint.{quoted(joint)}]"]
             lines += [f"{channel} = {quoted(name)}" for channel, name in columns.items()]
-            lines += [f"{key} = {value:g}" for key, value in self.factors.get(joint, {}).items()]
+            lines += [f"{key} = {_text(value)}" for key, value in self.factors.get(joint, {}).items()]
         if self.gains:
             lines += ["", "[current_gain]  # joint-side torque per ampere: tau = gain * current"]
             lines += [f"{quoted(joint)} = {gain}" for joint, gain in self.gains.items()]
@@ -70,3 +70,7 @@ class Proposal:
             lines += ["# [current_gain]  # joint-side torque per ampere, N·m/A (N/A): tau = gain * current"]
             lines += [f"# {quoted(joint)} = GAIN" for joint, c in self.joints.items() if "current" in c]
         return "\n".join(lines) + "\n"
+
+
+def _text(value: float | str) -> str:
+    return quoted(value) if isinstance(value, str) else f"{value:g}"

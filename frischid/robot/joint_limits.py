@@ -34,6 +34,12 @@ class JointLimits:
         bounded = np.isfinite(self.lower) & np.isfinite(self.upper)
         return np.where(bounded, 0.5 * (np.where(bounded, self.lower, 0.0) + np.where(bounded, self.upper, 0.0)), 0.0)
 
+    @property
+    def stroke(self) -> Array:
+        """Range of position, (J,), rad (m); infinite for a joint without a range."""
+        bounded = np.isfinite(self.lower) & np.isfinite(self.upper)
+        return np.where(bounded, np.where(bounded, self.upper, 0.0) - np.where(bounded, self.lower, 0.0), np.inf)
+
 
 def read_limits(model: Any, joints: Sequence[int]) -> JointLimits:
     """Take the limits of some joints from a Pinocchio model; infinite where the URDF gives none.

@@ -7,6 +7,8 @@ import pytest
 from click.testing import CliRunner
 
 from frischid.cli import main
+from frischid.logs.column_units import in_millimetres
+from frischid.logs.mapping_guess import propose
 from frischid.logs.readers import read_log, write_log
 from frischid.model.log_examination import check
 from frischid.motions.simulation import Noise, simulate
@@ -83,6 +85,34 @@ def test_sliding_joints_stay_in_metres():
     log = driven(robot)
     _, fix = degrees(robot, in_degrees(log, "arm_1_joint"))
     assert set(fix) == {FILE, ("torso_lift_joint", "angle_unit", "m")}
+
+
+def test_a_sliding_joint_in_millimetres_is_told_and_the_mapping_file_undoes_it(tmp_path):
+    robot = Robot.load("tiago", joints=["torso_lift_joint", "arm_1_joint"])
+    log = driven(robot)
+    path, output = tmp_path / "log.csv", tmp_path / "map.toml"
+    factor = np.where(robot.prismatic, 1000.0, 1.0)
+    write_log(replace(log, q=log.q * factor), path)
+    result = CliRunner().invoke(
+        main, ["check", "tiago", "--joints", ",".join(robot.joints), str(path), "-o", str(output)]
+    )
+    assert "millimetres" in result.output
+    assert output.read_text(encoding="utf-8") == '[joint."torso_lift_joint"]\nangle_unit = "mm"\n'
+    np.testing.assert_allclose(read_log(path, robot.joints, output).q, log.q, rtol=1e-6)
+    proposal = propose(path, robot)
+    assert proposal.tables()["joint"]["torso_lift_joint"]["angle_unit"] == "mm"
+    (own,) = check(robot, [log])
+    assert not own.fix
+    write_log(log, path)
+    assert "angle_unit" not in propose(path, robot).toml("log.csv")
+
+
+def test_a_motion_within_the_stroke_is_in_metres():
+    """A part of the stroke, and an arm that was sent beyond its limits."""
+    for span in (0.001, 0.3, 3.0):
+        assert not in_millimetres(span, 0.3)
+    assert in_millimetres(50.0, 0.3)
+    assert not in_millimetres(50.0, np.inf)
 
 
 def test_check_writes_the_unit_of_one_joint_or_says_that_it_writes_nothing(tmp_path):
