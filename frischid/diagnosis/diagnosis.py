@@ -25,6 +25,7 @@ import numpy as np
 
 from frischid.core.parallel import Workers
 from frischid.core.shown import Shown
+from frischid.core.text import listed
 from frischid.diagnosis.contacts import Contact
 from frischid.diagnosis.contacts_at_rest import contacts_at_rest, said_of
 from frischid.diagnosis.criteria import DIAGNOSIS_CRITERIA, DiagnosisCriteria
@@ -149,7 +150,10 @@ class Diagnosis(Shown):
 
     @property
     def remainder(self) -> str:
-        """A sentence on the residual error where no effect is found: this error may be more than the sensor noise."""
+        """A sentence on the residual error where no effect is found: this error may be more than the sensor noise.
+
+        Of a robot that changed it names what is called missing on its model's own logs, whatever came later.
+        """
         if self.fit is None:
             return "the arm stands still, and nothing touches it"
         error, noise, tolerance = self.headline.nrmse, self.headline.noise_floor, self.criteria.floor_tolerance
@@ -160,7 +164,9 @@ class Diagnosis(Shown):
             said = f"missing: noise explains the error, with the parameters that noise leaves uncertain ({figures})"
         else:
             said = "missing: the residual error is that of the sensor noise"
-        return f"no effect is {said}{suspected(self.findings, self.probabilities)}"
+        named = listed([f.title for f in self.always_missing if f.significant])
+        known = f"beside {named}, which the model's own logs already show, " if named else ""
+        return f"{known}no effect is {said}{suspected(self.findings, self.probabilities)}"
 
     def to_dict(self) -> dict[str, Any]:
         """Plain JSON values."""

@@ -188,11 +188,13 @@ def roles(
 
 
 def _note_before_change(always: Sequence[Finding]) -> str:
-    """Note on the effects that the model's own logs show."""
-    named = [f"{f.effect} on {listed(f.joints) or 'the robot'}" for f in always]
-    named[0] += f" (probability {percent(always[0].probability)})"
+    """Note on the effects of the model's own logs: those called missing there, and those that are only no chance."""
+    shown, hinted = ([f for f in always if f.significant is called] for called in (True, False))
+    first = [f"{f.title} (probability {percent(f.probability)})" for f in shown[:1]]
+    told = [f"already show {listed([*first, *(f.title for f in shown[1:])])}"] if shown else []
+    told += [f"hint at {listed([f.title for f in hinted])}, not called missing there"] if hinted else []
     return (
-        f"the model's own logs already show {listed(named)}. The search for the change takes these effects as known, "
+        f"the model's own logs {listed(told)}. The search for the change takes these effects as known, "
         "with their strength there; all figures of the table are for what came later"
     )
 

@@ -5,8 +5,15 @@ from dataclasses import replace
 import numpy as np
 import pytest
 
+from frischid.diagnosis.clause import missing
 from frischid.diagnosis.improvement import improve
-from frischid.diagnosis.roles import decided_situation, diagnose_in_roles, logs_before_change, roles
+from frischid.diagnosis.roles import (
+    _note_before_change,
+    decided_situation,
+    diagnose_in_roles,
+    logs_before_change,
+    roles,
+)
 from frischid.diagnosis.situation import cross_validator
 from frischid.effects import BASELINE, parse_effects
 from frischid.logs.log import Log
@@ -103,6 +110,14 @@ def test_a_change_beside_an_effect_that_was_always_missing_is_a_change(machine):
         always
     )
     assert all(f.effect != "quadratic_viscous" for f in found.findings if f.significant)
+    nothing_new = replace(found, verdict="none", findings=(), probabilities={})
+    shown = "Beside quadratic_viscous on joint1, which the model's own logs already show, no effect is "
+    assert missing(nothing_new).startswith(shown if always else "No effect is ")
+    withheld = [replace(f, set_aside="noise") for f in found.always_missing]
+    assert missing(replace(nothing_new, always_missing=tuple(withheld))).startswith("No effect is ")
+    assert not withheld or _note_before_change(withheld).startswith(
+        "the model's own logs hint at quadratic_viscous on joint1, not called missing there. The search"
+    )
 
 
 @pytest.mark.parametrize("machine", ["square"], indirect=True)
