@@ -141,6 +141,14 @@ class Finding:
         return self.gain > self.twin_gain
 
     @property
+    def undetermined(self) -> bool:
+        """Whether it explains a part of an error that is only at reversals, where dry friction takes any value.
+
+        An effect that explains nearly all of such an error may be its cause.
+        """
+        return self.floors == 0 and self.share < self.criteria.nearly_explained
+
+    @property
     def pays(self) -> bool:
         """Whether the effect may be added to the model: sure, and the error is more than sensor noise.
 

@@ -53,8 +53,12 @@ class Evidence:
 
 
 def possible(findings: Sequence[Finding]) -> list[Finding]:
-    """Findings that may be the cause: their evidence is more than its price, and more than the healthy twin has."""
-    return [f for f in findings if f.outgains_twin and f.removed > 0]
+    """Findings that may be the cause: their evidence is more than its price, and more than the healthy twin has.
+
+    Where a joint sticks as it reverses, many effects explain a part of that error. None of them is its cause: dry
+    friction, which every joint has, is undetermined there.
+    """
+    return [f for f in findings if f.outgains_twin and f.removed > 0 and not f.undetermined]
 
 
 def evidence_of(

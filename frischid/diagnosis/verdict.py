@@ -96,7 +96,8 @@ def decided(results: StageResults, *, by_twin: bool = False) -> Verdict:
     """The verdict, before a refit of all parameters is considered; `by_twin`: the healthy twin's error counts as noise.
 
     A finding that explains half of the error on its own joints is named even if another joint has a larger unexplained
-    error. Errors of dry friction at reversals and standstill ask for no explanation.
+    error. Errors of dry friction at reversals and standstill ask for no explanation, be they so without the effects or
+    with them: an effect may enter because it explains a part of such an error, and spread the rest over the motion.
     """
     if results.contacts:
         return "contact"
@@ -108,7 +109,7 @@ def decided(results: StageResults, *, by_twin: bool = False) -> Verdict:
     residual = np.minimum(residual, validator.predictive_nrmse())  # an effect may raise another joint's error
     floor = results.least if by_twin else results.floor
     asks = asks_for_explanation(residual, floor / validator.spread, validator)
-    asks &= ~only_at_reversals(full, results.floor)
+    asks &= ~(only_at_reversals(full, results.floor) | only_at_reversals(validator, results.floor))
     unexplained = float(np.where(asks, residual**2 - noise**2, 0.0).max())
     if not sure:
         return "unknown" if unexplained > 0 else "none"

@@ -526,6 +526,19 @@ def test_dry_friction_that_turns_a_little_early_or_late_raises_no_alarm():
     assert any("the residual error of wrist_2_joint is at reversals and standstill" in note for note in found.notes)
 
 
+def test_a_joint_that_sticks_as_it_reverses_lacks_nothing():
+    logs = []
+    for log in (log_of(1), log_of(2)):
+        side = np.sign(np.gradient(log.q[:, 4], log.t))
+        tau = np.array(log.tau)
+        tau[:, 4] += 4.0 * (np.convolve(side, np.full(9, 1 / 9), mode="same") - side)  # it turns within 90 ms
+        logs.append(replace(log, tau=tau, source=f"{log.source}, sticks"))
+    found = diagnose(identify(UR5, logs[:1], recursion="none").model, logs)
+    assert found.verdict == "none"
+    assert max(found.probabilities, key=found.probabilities.__getitem__) == "none"
+    assert {f.probability for f in found.findings if f.undetermined} == {0.0}
+
+
 @pytest.mark.parametrize(
     ("floors", "share", "why"),
     [
