@@ -25,7 +25,7 @@ from frischid.diagnosis.cross_validation import CrossValidator
 from frischid.diagnosis.residual_variables import speeds
 
 
-def only_at_reversals(validator: CrossValidator, floor: Array) -> NDArray[np.bool_]:
+def only_at_reversals(validator: CrossValidator, floor: Array, theta: Array | None = None) -> NDArray[np.bool_]:
     """Joints whose error above the sensor noise is only at reversals and standstill, and small beside dry friction.
 
     Parameters
@@ -33,18 +33,20 @@ def only_at_reversals(validator: CrossValidator, floor: Array) -> NDArray[np.boo
     validator : CrossValidator
     floor : ndarray, shape (J,)
         Sensor noise of each joint, N·m (N).
+    theta : ndarray, shape (P,), optional
+        Parameters of the model whose error it is; those of the fit by default.
 
     Returns
     -------
     ndarray of bool, shape (J,)
     """
-    slow_speed = validator.criteria.slow_speed
+    slow_speed, theta = validator.criteria.slow_speed, validator.theta if theta is None else theta
     energy, moving, slow = np.zeros((3, len(validator.joints)))
     for number, relative in enumerate(speeds(validator)):
         for row, noise in enumerate(floor):
             data = validator.data.of_motion(row, number)
             speed = np.abs(relative[data.picked, row])
-            above = (data.tau - validator.columns.predicted(data, validator.theta)) ** 2 - noise**2
+            above = (data.tau - validator.columns.predicted(data, theta)) ** 2 - noise**2
             energy[row] += above.sum()
             moving[row] += above @ speed
             slow[row] += (speed < slow_speed).sum()

@@ -12,6 +12,8 @@ there), the robot has not changed where on every joint whose error asks for an e
 
     E_a² − E_t²  <  ½ (E² − E_t²).
 
+An error that is only at reversals asks for none (`only_at_reversals`): a joint sticks as long as its motion lets it.
+
 Without the training logs, the robot has changed if a refit with a weak URDF prior predicts the logs better than the
 unchanged model does,
 
@@ -47,6 +49,7 @@ from frischid.diagnosis.change_prior import (
 from frischid.diagnosis.criteria import DIAGNOSIS_CRITERIA, DiagnosisCriteria
 from frischid.diagnosis.cross_validation import CrossValidator
 from frischid.diagnosis.floor import Floor, asks_for_explanation
+from frischid.diagnosis.reversal_residuals import only_at_reversals
 from frischid.effects import Effect
 from frischid.logs.log import Log
 from frischid.logs.poses import need_motion
@@ -135,6 +138,7 @@ def of_the_training_logs(
     usual = np.minimum(np.maximum(there_too, uncertain), before)
     wrong, left = before**2 - usual**2, after**2 - usual**2
     clear = asks_for_explanation(before, usual, new)
+    clear &= ~only_at_reversals(new, Floor.of(new).noise, model.estimate.theta)
     return bool((left < criteria.half_explained * wrong)[clear].all())
 
 

@@ -6,6 +6,7 @@ import numpy as np
 import pytest
 
 from frischid.diagnosis.clause import missing
+from frischid.diagnosis.floor import Floor, asks_for_explanation
 from frischid.diagnosis.improvement import improve
 from frischid.diagnosis.roles import (
     _note_before_change,
@@ -94,6 +95,21 @@ def test_an_error_that_the_own_logs_have_too_is_no_change(tmp_path):
     for seed in (3, 6):
         new = [saturated(log_of(seed, ""))]
         assert decided_situation(model, new).situation == "always"
+
+
+def test_a_joint_that_sticks_as_it_reverses_is_no_change(tmp_path):
+    """Dry friction, which is undetermined at reversals, turns slowly there in the new log alone."""
+    for seed in (1, 2):
+        write_log(log_of(seed, "", 0.4, fc2=2.0), tmp_path / f"log{seed}.parquet")
+    own = [read_log(tmp_path / f"log{seed}.parquet", PLANAR2.joints) for seed in (1, 2)]
+    model, log = identify(PLANAR2, own, recursion="none").model, log_of(3, "", 0.4, fc2=2.0)
+    side, tau = np.sign(np.gradient(log.q[:, 1], log.t)), np.array(log.tau)
+    tau[:, 1] += 2.0 * (np.convolve(side, np.full(15, 1 / 15), mode="same") - side)
+    sticks = [replace(log, tau=tau)]
+    validator, _ = cross_validator(model, sticks)
+    assert asks_for_explanation(validator.base_nrmse(), Floor.of(validator).noise / validator.spread, validator)[1]
+    assert decided_situation(model, sticks).situation == "always"
+    assert decided_situation(model, [log_of(3, SPRING, 0.4, fc2=2.0, ks2=0.5)]).situation == "changed"
 
 
 def test_a_change_beside_an_effect_that_was_always_missing_is_a_change(machine):
