@@ -30,7 +30,8 @@ from frischid.diagnosis.contacts import Contact
 from frischid.diagnosis.contacts_at_rest import contacts_at_rest, said_of
 from frischid.diagnosis.criteria import DIAGNOSIS_CRITERIA, DiagnosisCriteria
 from frischid.diagnosis.cross_validation import CrossValidator
-from frischid.diagnosis.findings import Finding, refit_finding
+from frischid.diagnosis.effect_findings import refit_finding
+from frischid.diagnosis.findings import Finding
 from frischid.diagnosis.floor import Floor
 from frischid.diagnosis.hypotheses import Evidence, evidence_of
 from frischid.diagnosis.model_notes import delay_in, touch_in, untried

@@ -4,30 +4,16 @@ An effect is *called missing* when three conditions hold: its gain is more than 
 negligible, and it explains enough of the error above the sensor noise on its joints (`explained_error`).
 
 Where the error is well above the noise, any share is enough. Near the noise, the share must reach one half. Where all
-of the error lies at reversals and standstill, dry friction is undetermined, and the share must reach four fifths. A
-refit of all parameters is a finding too: it says that the identified parameters no longer hold.
+of the error lies at reversals and standstill, dry friction is undetermined, and the share must reach four fifths.
 """
 
 from __future__ import annotations
 
-from collections.abc import Callable, Sequence
 from dataclasses import dataclass, field
 from typing import Any
 
-import numpy as np
-from numpy.typing import NDArray
-from scipy import special
-
-from frischid.core.text import about, listed, percent
-from frischid.core.types import Array
-from frischid.diagnosis.change_prior import weak_urdf_prior
+from frischid.core.text import listed, percent
 from frischid.diagnosis.criteria import DIAGNOSIS_CRITERIA, DiagnosisCriteria
-from frischid.diagnosis.cross_validation import CrossValidator
-from frischid.diagnosis.effect_ranking import Ranking, ScoredEffect, ranking
-from frischid.diagnosis.explained_error import explained_share, in_floors, negligible
-from frischid.diagnosis.floor import Floor
-from frischid.diagnosis.healthy_twin import HealthyTwin
-from frischid.diagnosis.reversal_residuals import only_at_reversals
 from frischid.effects import EFFECTS, Effect
 from frischid.effects.notation import stated_choices
 from frischid.robot.robot import Robot
@@ -235,7 +221,7 @@ class Finding:
         for member in self.members:
             where = f" of {listed(member.joints or ('the robot',))}" if len(self.members) > 1 else ""
             values += [(f"{k}{where}", x, member.unit(k, robot)) for k, x in stated_choices(member).items()]
-            shape = {k: x for k, x in _shape(member).items() if k not in member.internal}
+            shape = {k: x for k, x in shape_of(member).items() if k not in member.internal}
             values += [
                 (f"{k}{where}", x, f"{member.unit(k, robot)}{_edge(member, k, x)}".strip()) for k, x in shape.items()
             ]
@@ -261,127 +247,6 @@ def _edge(effect: Effect, key: str, value: float) -> str:
     return " or less" if value <= min(tried) else " or more"
 
 
-def find_effects(
-    validator: CrossValidator,
-    floor: Floor,
-    situation: str,
-    only: Sequence[str] | None = None,
-    progress: Callable[[str], None] = lambda _: None,
-) -> tuple[list[Finding], Ranking]:
-    """Score every effect that can act on this robot.
-
-    Parameters
-    ----------
-    validator : CrossValidator
-    floor : Floor
-    situation : {"always", "changed"}
-        Effects that can only come later (a payload) are tried only where the robot changed.
-    only : sequence of str, optional
-        Identifiers to try, the whole catalogue by default.
-    progress : callable, optional
-
-    Returns
-    -------
-    findings : list of Finding
-        Best first.
-    ranking : Ranking
-    """
-    kinds = [
-        kind
-        for name, kind in EFFECTS.items()
-        if (only is None or name in only) and not (kind.change and situation == "always")
-    ]
-    ranked = ranking(validator, kinds, progress)
-    noise = floor.under(ranked.full)
-    moving = ~only_at_reversals(validator, noise)
-    floors = noise, floor.without_effects(noise)
-    return [_finding(validator, floors, moving, effect, floor.twin) for effect in ranked.effects], ranked
-
-
-def _finding(
-    validator: CrossValidator,
-    floors: tuple[Array, Array],
-    moving: NDArray[np.bool_],
-    effect: ScoredEffect,
-    twin: HealthyTwin,
-) -> Finding:
-    """A finding; `floors`: sensor noise of each joint, and the error of a perfect model's fit, N·m (N)."""
-    before, after = validator.predictive_nrmse(), validator.nrmse(effect.score.predictive)
-    noise, least = (floor / validator.spread for floor in floors)
-    rows = list(effect.together.columns)
-    seen = [row for row in rows if moving[row]]
-    members = tuple(place.effect for place in effect.places)
-    joints = tuple(dict.fromkeys(j for e in members for j in (e.joints or ())))
-    names = [c.name for e in members for c in e.columns(validator.model.robot)]
-    shapes = {f"{k}_{n}" if len(members) > 1 else k: v for n, e in enumerate(members, 1) for k, v in _shape(e).items()}
-    said = about(joints, effect.kind.sentence)
-    if effect.elsewhere:
-        said += f". On {listed(effect.elsewhere, 'or')} instead, the same effect explains these logs nearly as well"
-    return Finding(
-        effect=effect.kind.id,
-        joints=joints,
-        error_before=float(before.mean()),
-        error_after=float(after.mean()),
-        gain=effect.gain,
-        removed=effect.explained,
-        share=explained_share(before[rows], after[rows], noise[rows], validator.criteria),
-        floors=in_floors(before[seen], noise[seen]),
-        over_twin=in_floors(before[seen], least[seen]),
-        twin_gain=twin.gain(members) if effect.gain > 0 and (effect.entered or effect.rivals) else 0.0,
-        p_value=effect.p_value,
-        parameters=dict(zip(names, map(float, effect.score.beta), strict=True)) | shapes,
-        confused_with=effect.rivals,
-        sentence=said,
-        members=members,
-        criteria=validator.criteria,
-        entered=effect.entered,
-        own=effect.own.unique,
-        elsewhere=effect.elsewhere,
-        negligible=negligible(before[rows], noise[rows], validator.criteria),
-    )
-
-
-def _shape(effect: Effect) -> dict[str, float]:
+def shape_of(effect: Effect) -> dict[str, float]:
+    """The parameters of an effect that are searched."""
     return {k: float(v) for k, v in effect.parameters.items() if k in effect.searched}
-
-
-def refit_finding(validator: CrossValidator, floor: Array) -> Finding:
-    """The finding that the identified parameters no longer hold: all parameters are fitted to these logs alone.
-
-    Parameters
-    ----------
-    validator : CrossValidator
-        Fit with the identification as prior.
-    floor : ndarray, shape (J,)
-        Sensor noise of each joint, N·m (N).
-    """
-    model, criteria = validator.model, validator.criteria
-    refit = validator.with_prior(weak_urdf_prior(model, criteria))
-    before, after = validator.base_predictive(), refit.base_predictive()
-    ratio = validator.log_likelihood(before, after, np.maximum(validator.effective, refit.effective))
-    parameters = len(model.base)
-    gain = ratio - 0.5 * parameters * float(np.log(max(float(validator.counts.sum()), 2.0)))
-    errors = validator.nrmse(before), validator.nrmse(after)
-    noise = floor / validator.spread
-    return Finding(
-        effect=OLD_PARAMETERS,
-        joints=(),
-        error_before=float(errors[0].mean()),
-        error_after=float(errors[1].mean()),
-        gain=gain,
-        removed=float((errors[0] ** 2 - errors[1] ** 2).sum()),
-        share=explained_share(*errors, noise, criteria),
-        floors=in_floors(errors[0], noise),
-        over_twin=in_floors(errors[0], noise),
-        twin_gain=0.0,
-        p_value=float(special.chdtrc(parameters, 2 * ratio)) if gain > 0 else 1.0,
-        parameters={},
-        confused_with=(),
-        sentence=(
-            "the identified parameters no longer hold, and no single effect explains the change: several links or the "
-            "friction changed; identify the robot again"
-        ),
-        members=(),
-        criteria=criteria,
-        negligible=negligible(errors[0], noise, criteria),
-    )

@@ -6,7 +6,7 @@ from collections.abc import Callable, Sequence
 
 from frischid.diagnosis.contacts import find_contacts, made_by_something_steady, stretches
 from frischid.diagnosis.cross_validation import CrossValidator
-from frischid.diagnosis.findings import find_effects
+from frischid.diagnosis.effect_findings import find_effects
 from frischid.diagnosis.floor import Floor
 from frischid.diagnosis.situation import Situation
 from frischid.diagnosis.unmodelled_terms import unmodelled_term
