@@ -123,5 +123,6 @@ def together(parts: Sequence[tuple[str, LogMap, Sequence[tuple[str, str, Any]], 
             )
         if key not in by_form:
             by_form[key] = (name, fixed)
-            found[name] = fixed
+            others = sum(name == taken for taken, _ in by_form.values()) - 1  # files of one name in several folders
+            found[f"{name} ({others + 1})" if others else name] = fixed
     return toml_of(found)

@@ -173,11 +173,15 @@ def test_the_printed_mapping_undoes_the_faults(tmp_path, log):
 
 def test_signs_and_offsets_of_a_mapping_are_kept():
     form = LogMap.from_dict({"joint": {"a": {"q": "x", "sign": -1, "offset": 0.5}}})
-    fixed = corrected(form, [("a", "sign", -1), ("a", "offset", 0.1)], ["q"])
+    read = Log(np.arange(20) / 10, ("a",), np.zeros((20, 1)))
+    fixed = corrected(form, [("a", "sign", -1), ("a", "offset", 0.1)], read)
     assert (fixed.joint["a"].sign, fixed.joint["a"].offset) == (1, pytest.approx(-0.4))
-    text = together([("one", form, [("a", "torque_factor", 0.001)], ["q"]), ("two", LogMap(rate=50.0), [], ["q"])])
-    assert '[layout."one".joint."a"]' in text
-    assert "rate = 50.0" in text
+    for names, titles in ((("one", "two"), ("one", "two")), (("log.csv", "log.csv"), ("log.csv", "log.csv (2)"))):
+        fixes = [("a", "torque_factor", 0.001)]
+        parts = [(names[0], form, fixes, read), (names[1], LogMap(rate=50.0), [], read)]
+        text = together(parts)
+        assert f'[layout."{titles[0]}".joint."a"]' in text
+        assert f'[layout."{titles[1]}".file]\nrate = 50.0' in text
 
 
 def test_torque_factor(tmp_path, log):
