@@ -127,8 +127,8 @@ class Finding:
         return self.gain > self.twin_gain
 
     @property
-    def undetermined(self) -> bool:
-        """Whether it explains a part of an error that is only at reversals, where dry friction takes any value.
+    def dry_friction_instead(self) -> bool:
+        """Whether it explains only a part of an error at reversals: undetermined dry friction is the cause instead.
 
         An effect that explains nearly all of such an error may be its cause.
         """

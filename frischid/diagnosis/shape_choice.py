@@ -47,10 +47,10 @@ def searched(
     """
     chosen: list[Effect] = []
     for effect, stated in zip(effects, states_shape(text), strict=True):
-        alternatives = _alternatives(effect, model)
         if stated:
             chosen.append(effect)
             continue
+        alternatives = _alternatives(effect, model)
         if not effect.shapes and all(len(shapes) == 1 for shapes in alternatives):
             chosen.append(with_model_width(effect, model.effects))
             continue

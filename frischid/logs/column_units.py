@@ -76,7 +76,7 @@ def propose_millimetres(table: Table, robot: Robot, found: Proposal) -> None:
         q = np.asarray(table.numeric[columns["q"]], dtype=float)
         by_name, seen = unit_of(columns["q"])[0] == "mm", q[np.isfinite(q)]
         if by_name or (len(seen) and in_millimetres(float(np.ptp(seen)), float(robot.limits.stroke[k]))):
-            found.factors.setdefault(joint, {})["angle_unit"] = "mm"
+            found.units.setdefault(joint, {})["angle_unit"] = "mm"
             said.append(f"{columns['q']} in millimetres, by {'its name' if by_name else 'the range of its motion'}")
     found.reasons += [", ".join(said)] if said else []
 
@@ -150,9 +150,9 @@ def propose_effort_units(found: Proposal) -> None:
                 continue
             unit = unit_of(columns[channel])[0]
             if channel == "tau" and unit in UNITS_OF_TORQUE:
-                found.factors.setdefault(joint, {})["torque_factor"] = UNITS_OF_TORQUE[unit]
+                found.units.setdefault(joint, {})["torque_factor"] = UNITS_OF_TORQUE[unit]
             elif channel == "current" and unit == "ma":
-                found.factors.setdefault(joint, {})["current_factor"] = 1e-3
+                found.units.setdefault(joint, {})["current_factor"] = 1e-3
                 milli.append(columns[channel])
             elif re.search(r"%|percent|pct|rated|permille|‰", columns[channel].lower()):
                 percent.append(columns[channel])

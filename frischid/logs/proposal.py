@@ -28,7 +28,7 @@ class Proposal:
         URDF joint -> joint-side torque per ampere, where the log itself gives it.
     set_points : list of str
         Columns that the gains come from.
-    factors : dict of str to dict of str to float or str
+    units : dict of str to dict of str to float or str
         URDF joint -> key of the mapping file -> factor of its torque or current, or unit of its position.
     """
 
@@ -39,11 +39,11 @@ class Proposal:
     missing: tuple[str, ...] = ()
     gains: dict[str, float] = field(default_factory=dict)
     set_points: list[str] = field(default_factory=list)
-    factors: dict[str, dict[str, float | str]] = field(default_factory=dict)
+    units: dict[str, dict[str, float | str]] = field(default_factory=dict)
 
     def tables(self) -> dict[str, dict[str, Any]]:
         """The mapping as `LogMap.from_dict` takes it."""
-        joints = {joint: {**columns, **self.factors.get(joint, {})} for joint, columns in self.joints.items()}
+        joints = {joint: {**columns, **self.units.get(joint, {})} for joint, columns in self.joints.items()}
         tables: dict[str, dict[str, Any]] = {"file": self.file, "joint": joints, "current_gain": self.gains}
         return {name: table for name, table in tables.items() if table}
 
@@ -61,7 +61,7 @@ class Proposal:
         for joint, columns in self.joints.items():
             lines += ["", f"[joint.{quoted(joint)}]"]
             lines += [f"{channel} = {quoted(name)}" for channel, name in columns.items()]
-            lines += [f"{key} = {_text(value)}" for key, value in self.factors.get(joint, {}).items()]
+            lines += [f"{key} = {_text(value)}" for key, value in self.units.get(joint, {}).items()]
         if self.gains:
             lines += ["", "[current_gain]  # joint-side torque per ampere: tau = gain * current"]
             lines += [f"{quoted(joint)} = {gain}" for joint, gain in self.gains.items()]

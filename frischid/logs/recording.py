@@ -165,7 +165,7 @@ class Motions:
 
     def of(self, log: Log | Recording) -> Iterator[Motion]:
         """The motions of one of the logs."""
-        return Motions((log,), self.joints, self.lowpass, self.velocity).__iter__()
+        return iter(Motions((log,), self.joints, self.lowpass, self.velocity))
 
     def _pass(self, chunk: Log) -> None:
         self._passed += len(chunk)

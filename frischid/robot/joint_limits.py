@@ -37,8 +37,7 @@ class JointLimits:
     @property
     def stroke(self) -> Array:
         """Range of position, (J,), rad (m); infinite for a joint without a range."""
-        bounded = np.isfinite(self.lower) & np.isfinite(self.upper)
-        return np.where(bounded, np.where(bounded, self.upper, 0.0) - np.where(bounded, self.lower, 0.0), np.inf)
+        return self.upper - self.lower
 
 
 def read_limits(model: Any, joints: Sequence[int]) -> JointLimits:

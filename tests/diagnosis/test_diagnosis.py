@@ -536,7 +536,7 @@ def test_a_joint_that_sticks_as_it_reverses_lacks_nothing():
     found = diagnose(identify(UR5, logs[:1], recursion="none").model, logs)
     assert found.verdict == "none"
     assert max(found.probabilities, key=found.probabilities.__getitem__) == "none"
-    assert {f.probability for f in found.findings if f.undetermined} == {0.0}
+    assert {f.probability for f in found.findings if f.dry_friction_instead} == {0.0}
 
 
 @pytest.mark.parametrize(
