@@ -5,6 +5,7 @@ from __future__ import annotations
 from frischid.core.text import listed, percent
 from frischid.diagnosis.diagnosis import Diagnosis
 from frischid.diagnosis.rivals import beside, cause_of
+from frischid.model.alarms import FAULTY_LOG
 
 
 def missing(diagnosis: Diagnosis) -> str:
@@ -12,7 +13,13 @@ def missing(diagnosis: Diagnosis) -> str:
     more = beside(diagnosis.findings) if diagnosis.verdict == "effect" else []
     also = f"; probably also missing: {listed([f.title for f in more])}" if more else ""
     changed = "; assumed: the robot changed since it was identified" if diagnosis.situation == "changed" else ""
-    return f"{_first(diagnosis)}{also}{changed}"
+    return on_condition(diagnosis, f"{_first(diagnosis)}{also}{changed}")
+
+
+def on_condition(diagnosis: Diagnosis, said: str) -> str:
+    """A verdict in words, with what it presumes in front: effects explain the fault of a log, too, if only in part."""
+    faulty = any(alarm.id == FAULTY_LOG for alarm in diagnosis.headline.alarms)
+    return f"Unless a log has the fault that the alarm names, {said[:1].lower()}{said[1:]}" if faulty else said
 
 
 def _first(diagnosis: Diagnosis) -> str:

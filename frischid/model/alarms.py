@@ -131,7 +131,8 @@ class Alarm:
         return cls(**{**data, "joints": tuple(data["joints"])})
 
 
-CAUSES = ("faulty-log", "log-too-short")
+FAULTY_LOG = "faulty-log"
+CAUSES = (FAULTY_LOG, "log-too-short")
 """Alarms of the logs themselves: whatever else is wrong may follow from them, so they come first."""
 
 
@@ -210,7 +211,7 @@ def faulty_logs(faults: Sequence[str]) -> list[Alarm]:
     more = f" (and {len(faults) - 1} more)" if len(faults) > 1 else ""
     return [
         Alarm(
-            "faulty-log",
+            FAULTY_LOG,
             "severe",
             f"A log has a fault that makes a wrong model: {faults[0]}{more}.",
             "`frischid check ROBOT LOG -o map.toml` says what to do, and writes the mapping that undoes the fault, if "

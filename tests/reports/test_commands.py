@@ -56,6 +56,8 @@ def test_a_faulty_log_is_checked_first(folder):
     done = CliRunner().invoke(main, shlex.split(line)[1:])
     assert done.exit_code in (0, 1), done.output
     assert "torque sign" in done.stdout
+    done = CliRunner().invoke(main, ["--quiet", "diagnose", "model.json", "--try", "joint_spring"])
+    assert "Unless a log has the fault that the alarm names, " in " ".join(done.stdout.split())
 
 
 def test_a_short_log_is_recorded_again(folder):

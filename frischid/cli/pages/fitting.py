@@ -19,6 +19,7 @@ from frischid.core.text import counted, percent
 from frischid.forward.output_error import OutputError
 from frischid.logs.log import Log
 from frischid.logs.recording import Recording
+from frischid.model.alarms import FAULTY_LOG
 from frischid.model.drive_parameters import drive_parameters
 from frischid.model.headline import headline
 from frischid.model.identification import Identification
@@ -108,7 +109,7 @@ def _next(found: Identification, output: str) -> Command:
     The model's file names the fitted logs and their mapping file, but no test log.
     """
     severe = {alarm.id for alarm in found.alarms if alarm.severity == "severe"}
-    if "faulty-log" in severe:
+    if FAULTY_LOG in severe:
         return Command(f"next: {check_command(found.model, 'map.toml')}")
     if "log-too-short" in severe:
         return Command(f"next: {excite_command(found.model)}")

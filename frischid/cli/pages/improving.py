@@ -10,7 +10,7 @@ from rich.markup import escape
 from frischid.cli.narrow import Command
 from frischid.cli.pages.page import Page, change, headline_line, quantities, table_of
 from frischid.core.text import percent, sentence
-from frischid.diagnosis.clause import missing
+from frischid.diagnosis.clause import missing, on_condition
 from frischid.diagnosis.diagnosis import Diagnosis
 from frischid.diagnosis.findings import Finding
 from frischid.diagnosis.model_notes import TOUCHED, delay_in
@@ -29,7 +29,8 @@ SMALLEST_SHOWN = 0.005  # probability; a smaller one is printed as 0 %
 def diagnosis(result: Diagnosis, moved: MotionDiagnosis | None = None) -> Page:
     """Verdict, ranking, effects that these data cannot distinguish, and the simulated motion of each finding."""
     changed = "changed since it was identified" if result.situation == "changed" else "has not changed"
-    head = f"[bold]{sentence(verdict_of(result))}[/bold] (assumed: the robot {changed})."
+    verdict = on_condition(result, sentence(verdict_of(result)))
+    head = f"[bold]{verdict}[/bold] (assumed: the robot {changed})."
     parts: list[Any] = [head, headline_line(result.headline)]
     for c in result.contacts:
         parts.append(f"contact in {c.source} from {c.start:.2f} to {c.stop:.2f} s on {', '.join(c.joints)}; left out")
