@@ -12,7 +12,7 @@ Examples
 >>> fr.EFFECTS["coulomb"].equation
 'fc·tanh((v + lead·a)/width)'
 >>> sorted(name for name, kind in fr.EFFECTS.items() if kind.change)
-['encoder_zero', 'payload']
+['payload']
 """
 
 # isort: off

@@ -137,7 +137,6 @@ class EncoderZero(Effect):
     reference: ClassVar[str] = "Mooring, Roth and Driels 1991, Fundamentals of Manipulator Calibration, Wiley"
 
     loaded: ClassVar[bool] = True
-    change: ClassVar[bool] = True
 
     def terms(self, state: State) -> list[Term]:
         """One column per joint whose angle changes some torque: minus the derivative of the torque by that angle."""

@@ -71,6 +71,17 @@ HIDDEN = [
 ]
 
 
+def test_an_encoder_zero_that_was_always_wrong_is_named():
+    """The rigid parameters absorb only a part of the error: without this effect the answer was another one."""
+    logs = [log_of(seed) for seed in (1, 2)]
+    shifted = [replace(log, q=log.q + 0.05 * (np.array(UR5.joints) == "shoulder_lift_joint")) for log in logs]
+    found = diagnose(identify(UR5, shifted, recursion="none").model, shifted)
+    best = found.findings[0]
+    assert (found.situation, best.effect, best.joints) == ("always", "encoder_zero", ("shoulder_lift_joint",))
+    assert best.probability > 0.9
+    assert best.parameters["zero2"] == pytest.approx(0.05, rel=0.1)
+
+
 @pytest.mark.parametrize(("effect", "values", "name"), HIDDEN, ids=[h[2] for h in HIDDEN])
 def test_a_hidden_effect_is_named_and_removed(effect, values, name):
     logs, held_out = [log_of(1, effect, **values)], [log_of(2, effect, **values)]
