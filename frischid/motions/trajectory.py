@@ -315,7 +315,7 @@ def random_fourier(robot: Robot, duration: float, *, seed: int, harmonics: int =
     rng = np.random.default_rng(seed)
     limits, J = robot.limits, len(robot.joints)
     harmonics = max(harmonics, round(0.4 * duration), 3)
-    lower, upper = np.maximum(limits.lower, -np.pi), np.minimum(limits.upper, np.pi)
+    lower, upper = limits.within(np.pi)
     free = Fourier.rested(np.zeros(J), rng.normal(size=(harmonics, J)), rng.normal(size=(harmonics, J)), duration)
     t = np.linspace(0, duration, 40 * harmonics)
     q, v, _ = free(t)
