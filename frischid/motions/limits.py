@@ -156,9 +156,10 @@ def extremes(motion: ClosedForm, joints: int) -> tuple[Array, Array]:
 
 
 def nominal_torque(robot: Robot, q: Array, v: Array, a: Array) -> Array:
-    """Torque of the URDF's inertias and ``<dynamics>``, dry friction at its full size, (N, J) each -> (N, J)."""
+    """Torque of the file's links, rotors and ``<dynamics>``, dry friction at its full size: (N, J) each -> (N, J)."""
     damping, friction = np.array([robot.dynamics[j] for j in robot.joints]).T
-    return np.asarray(robot.inverse_dynamics(q, v, a) + damping * v + friction * np.tanh(v / 0.02))
+    rotors = np.array([robot.armature[j] for j in robot.joints])
+    return np.asarray(robot.inverse_dynamics(q, v, a) + rotors * a + damping * v + friction * np.tanh(v / 0.02))
 
 
 def violations(
