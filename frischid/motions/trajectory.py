@@ -229,6 +229,23 @@ def _roots(piecewise: Any, duration: float) -> Array:
 
 FAMILIES = ("fourier", "bspline", "points", *STEP_SHARES)
 
+WITHOUT_RETURN = ("bspline", "points")
+"""Families whose motions end elsewhere than where they began."""
+
+
+def check_return(family: str, repeat: int) -> None:
+    """Refuse several runs in a row of a family whose motions do not end where they began.
+
+    Raises
+    ------
+    InputError
+    """
+    if repeat > 1 and family in WITHOUT_RETURN:
+        raise InputError(
+            f"a motion of the family {family} cannot be repeated: it does not end where it began; plan with the family "
+            "fourier"
+        )
+
 
 @dataclass(frozen=True, eq=False)
 class Family:
