@@ -179,8 +179,9 @@ def excite(
     from frischid.motions.motion_request import check_rate, check_runs
     from frischid.motions.plan import plan
     from frischid.motions.plan_options import PlanOptions
-    from frischid.motions.programme import programme
-    from frischid.motions.programme_files import save
+    from frischid.motions.programme import checked_home, programme
+    from frischid.motions.programme_files import check_file, save
+    from frischid.motions.trajectory import check_return
 
     if budget < 1:
         raise InputError(f"--budget must be at least one evaluation, got {budget}")
@@ -190,7 +191,10 @@ def excite(
         other = "--separate" if separate else "--criterion"
         raise InputError(f"--drives plans for the drives' parameters and {other} for other ones; give one of the two")
     family = family or (DRIVES_FAMILY if drives else "fourier")
+    check_return(family, repeat)
     machine, _ = load(robot, RobotArguments(**options))
+    check_file(output, machine.joints, rate)
+    pose = None if home is None else checked_home(machine, home_of(home, len(machine.joints))).tolist()
     pair = () if separate is None else parse_effects(separate, complete=True)
     if separate is not None and len(pair) != 2:
         raise InputError(
@@ -221,7 +225,6 @@ def excite(
             planned, narrower = found.plan, found.narrower
         else:
             planned = plan(machine, effects_of(effects), wanted, **told)
-        pose = None if home is None else home_of(home, len(machine.joints))
         motion = programme(machine, planned, pose, limits, repeat, wanted.clearance)
     save(motion, output, rate)
     if picture:

@@ -150,7 +150,7 @@ class RigidDynamics:
 def random_states(robot: Robot, count: int) -> tuple[Array, Array, Array]:
     """Random positions within the limits, velocities and accelerations, the same in every call; each (count, J)."""
     rng = np.random.default_rng(0)
-    lower, upper = np.maximum(robot.limits.lower, -np.pi), np.minimum(robot.limits.upper, np.pi)
+    lower, upper = robot.limits.within(np.pi)
     q = rng.uniform(lower, upper, (count, len(robot.joints)))
     v, a = rng.normal(size=(2, *q.shape))
     return q, v, a

@@ -21,7 +21,7 @@ from frischid.core.types import Array
 from frischid.errors import InputError
 from frischid.export.mjcf import actuators, gear_line, position_attributes, tendons
 from frischid.export.mjcf_gears import GearTrain
-from frischid.export.mjcf_share import Share, share_of
+from frischid.export.mjcf_share import JOINT_ATTRIBUTES, Share, share_of
 from frischid.export.names import number
 from frischid.model.model import Model
 from frischid.robot.inertia import dynamic_parameters, is_physical, pseudo_inertia
@@ -86,7 +86,9 @@ def edited_mjcf(model: Model, path: Path) -> str:
         assert body.joint is not None
         if joint in robot.joints:
             changes.append(_joint(data, body.joint, _values(model, joint, share, data)))
-            changes += _gears(data, body.joint, share.gears.get(joint))
+            changes += _gears(
+                data, body.joint, share.gears.get(joint), bool(robot.prismatic[robot.joints.index(joint)])
+            )
     if model.controller is not None:
         changes += _positions(model, data)
     if share.gears and re.search(rb"<key\b[^>]*\bqpos\s*=", data):
@@ -127,14 +129,17 @@ def _positions(model: Model, data: bytes) -> list[tuple[int, int, str]]:
 
 
 def _values(model: Model, joint: str, share: Share, data: bytes) -> dict[str, float]:
-    """Attributes of a joint; the angle of its spring in the file's unit: degrees, unless the compiler says radian."""
-    values, robot = dict(share.joints[joint]), model.robot
+    """Attributes of a joint; the angle of its spring in the file's unit: degrees, unless the compiler says radian.
+
+    Armature and friction that the model does not have are zero, or the file would still have its own.
+    """
+    values, robot = dict.fromkeys(JOINT_ATTRIBUTES, 0.0) | share.joints[joint], model.robot
     if "springref" in values:
         values["springref"] = _in_unit(data, values["springref"], bool(robot.prismatic[robot.joints.index(joint)]))
     return values
 
 
-def _gears(data: bytes, tag: _Tag, train: GearTrain | None) -> list[tuple[int, int, str]]:
+def _gears(data: bytes, tag: _Tag, train: GearTrain | None, slides: bool) -> list[tuple[int, int, str]]:
     """The joints of gears, as new lines below the joint of their motor, with its place, axis and class."""
     if train is None:
         return []
@@ -145,8 +150,7 @@ def _gears(data: bytes, tag: _Tag, train: GearTrain | None) -> list[tuple[int, i
     indent = re.search(rb"[ \t]*$", data[: tag.start])
     lead = "\n" + (indent.group().decode() if indent else "")
     at = tag.end if text.endswith("/>") else data.index(b"</joint>", tag.end) + len(b"</joint>")
-    turns = "slide" if given.get("type") == "slide" else "hinge"
-    wanted = [replace(gear, gap=_in_unit(data, gear.gap, turns == "slide")) for gear in train.gears]
+    wanted = [replace(gear, gap=_in_unit(data, gear.gap, slides)) for gear in train.gears]
     return [(at, at, "".join(lead + gear_line(gear, given | none) for gear in wanted))]
 
 

@@ -61,7 +61,7 @@ def difference_of(model: Model, text: str) -> float:
     exported = Robot.from_dict({**robot.to_dict(), "urdf": text, "known": {}})
     rng = np.random.default_rng(0)
     J = len(robot.joints)
-    lower, upper = np.maximum(robot.limits.lower, -np.pi), np.minimum(robot.limits.upper, np.pi)
+    lower, upper = robot.limits.within(np.pi)
     q = rng.uniform(lower, upper, (50, J))
     v, a = rng.normal(size=(2, 50, J))
     bare = replace(model, effects=(), reference=None)

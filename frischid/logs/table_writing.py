@@ -19,10 +19,13 @@ from frischid.core.text import shortened
 from frischid.core.types import Array
 from frischid.errors import InputError
 
+TABLE_FILES = (".csv", ".parquet", ".npz")
+"""Endings of the files that `write_table` writes."""
+
 
 def write_table(table: Mapping[str, Array], path: Path) -> None:
     """Write a CSV, Parquet or NPZ file; it appears under its name only when it is complete."""
-    writers = {".csv": _write_csv, ".parquet": _write_parquet, ".npz": _write_npz}
+    writers = dict(zip(TABLE_FILES, (_write_csv, _write_parquet, _write_npz), strict=True))
     if path.suffix.lower() not in writers:
         raise InputError(f"{path}: cannot write '{path.suffix}' files; use one of {', '.join(writers)}")
     if path.suffix.lower() == ".csv":

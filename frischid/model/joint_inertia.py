@@ -94,5 +94,5 @@ def least_inertia(model: Model, poses: Iterable[Poses]) -> LeastInertia:
 
 def drawn_poses(robot: Robot) -> Poses:
     """Poses within the joints' limits, at most half a turn from zero."""
-    lower, upper = np.maximum(robot.limits.lower, -np.pi), np.minimum(robot.limits.upper, np.pi)
+    lower, upper = robot.limits.within(np.pi)
     return np.random.default_rng(0).uniform(lower, upper, (POSES_DRAWN, len(robot.joints))), {}

@@ -259,8 +259,7 @@ def _add_pairs(robot: Robot, geometry: Any) -> list[str]:
                 geometry.addCollisionPair(pin.CollisionPair(i, k))
     if len(geometry.collisionPairs) == 0:
         return []
-    limits = robot.limits
-    lower, upper = np.maximum(limits.lower, -np.pi), np.minimum(limits.upper, np.pi)
+    lower, upper = robot.limits.within(np.pi)
     poses = np.random.default_rng(0).uniform(lower, upper, (_POSES, len(robot.joints)))
     data, space, hits = model.createData(), geometry.createData(), np.zeros(len(geometry.collisionPairs))
     for x in robot.configuration(poses):

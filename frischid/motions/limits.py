@@ -116,13 +116,8 @@ class MotionLimits:
         if not LEAST_SHARE <= scale <= 1.0:
             raise InputError(f"the share of the limits that is used must lie in [{LEAST_SHARE:g}, 1], got {scale}")
         limits, J = robot.limits, len(robot.joints)
-        reach = np.where(robot.prismatic, 0.5, np.pi)
-        free = ~np.isfinite(limits.lower) | ~np.isfinite(limits.upper)
-        revolute = ~robot.prismatic
-        lower = np.where(free, -reach, np.where(revolute, np.maximum(limits.lower, -np.pi), limits.lower))
-        upper = np.where(free, reach, np.where(revolute, np.minimum(limits.upper, np.pi), limits.upper))
-        bad = np.flatnonzero(lower >= upper)  # the whole range is outside ±π
-        lower[bad], upper[bad] = limits.lower[bad], limits.upper[bad]
+        reach = np.where(robot.prismatic, np.where(np.isfinite(limits.stroke), np.inf, 0.5), np.pi)
+        lower, upper = limits.within(reach)
         middle, half = (upper + lower) / 2, scale * (upper - lower) / 2
         velocity = np.where(np.isfinite(limits.velocity), limits.velocity, 2.0)
         most = velocity / SECONDS_TO_FULL_SPEED if acceleration is None else np.asarray(acceleration, dtype=float)
@@ -161,9 +156,10 @@ def extremes(motion: ClosedForm, joints: int) -> tuple[Array, Array]:
 
 
 def nominal_torque(robot: Robot, q: Array, v: Array, a: Array) -> Array:
-    """Torque of the URDF's inertias and ``<dynamics>``, dry friction at its full size, (N, J) each -> (N, J)."""
+    """Torque of the file's links, rotors and ``<dynamics>``, dry friction at its full size: (N, J) each -> (N, J)."""
     damping, friction = np.array([robot.dynamics[j] for j in robot.joints]).T
-    return np.asarray(robot.inverse_dynamics(q, v, a) + damping * v + friction * np.tanh(v / 0.02))
+    rotors = np.array([robot.armature[j] for j in robot.joints])
+    return np.asarray(robot.inverse_dynamics(q, v, a) + rotors * a + damping * v + friction * np.tanh(v / 0.02))
 
 
 def violations(

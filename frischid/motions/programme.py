@@ -178,7 +178,7 @@ def programme(
     before: list[ClosedForm] = []
     after: list[ClosedForm] = []
     if home is not None:
-        pose = _checked(robot, home)
+        pose = checked_home(robot, home)
         first, last = (motion(np.array([t]))[0][0] for t in (0.0, motion.duration))
         before, after = _way(robot, pose, first, limits, clearance), _way(robot, last, pose, limits, clearance)
     parts = (*before, *([motion] * repeat), *after)
@@ -192,8 +192,14 @@ def programme(
     )
 
 
-def _checked(robot: Robot, home: Sequence[float]) -> Array:
-    """The home pose as an array, within the URDF's limits."""
+def checked_home(robot: Robot, home: Sequence[float]) -> Array:
+    """The home pose as an array, (J,), rad (m).
+
+    Raises
+    ------
+    InputError
+        It has another number of joints than the robot, or lies outside of the URDF's limits.
+    """
     if len(home) != len(robot.joints):
         raise InputError(
             f"the home pose has {len(home)} numbers, but {robot.name} has {len(robot.joints)} joints: "

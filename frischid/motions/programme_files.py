@@ -12,7 +12,7 @@ Language", servoj and movej.
 from __future__ import annotations
 
 import json
-from collections.abc import Iterator
+from collections.abc import Iterator, Sequence
 from pathlib import Path
 
 from frischid.core.files import write_text
@@ -21,6 +21,7 @@ from frischid.core.types import Array
 from frischid.errors import InputError
 from frischid.logs.log import Log
 from frischid.logs.readers import write_log
+from frischid.logs.table_writing import TABLE_FILES
 from frischid.motions.programme import Programme
 
 ROBOT_FILES = {".yaml": "ROS JointTrajectory", ".script": "URScript"}
@@ -37,6 +38,7 @@ def save(programme: Programme, path: str | Path, rate: float = 100.0) -> None:
     InputError
         URScript for a robot without six joints, or at more than 500 Hz; an ending that is none of these.
     """
+    check_file(path, programme.joints, rate)
     log, ending = programme.to_log(rate), Path(path).suffix
     if ending == ".yaml":
         write_text(Path(path), "\n".join(_trajectory(log)) + "\n")
@@ -44,6 +46,29 @@ def save(programme: Programme, path: str | Path, rate: float = 100.0) -> None:
         write_text(Path(path), "\n".join(_urscript(log, rate)) + "\n")
     else:
         write_log(log, path)
+
+
+def check_file(path: str | Path, joints: Sequence[str], rate: float) -> None:
+    """Refuse a file that cannot hold a motion of these joints at a rate in Hz.
+
+    Raises
+    ------
+    InputError
+        As for `save`.
+    """
+    ending = Path(path).suffix
+    if ending not in ROBOT_FILES and ending.lower() not in TABLE_FILES:
+        known = ", ".join([*TABLE_FILES, *ROBOT_FILES])
+        raise InputError(f"{path}: cannot write a motion as a file '{ending}'; use one of {known}")
+    if ending != ".script":
+        return
+    if len(joints) != UR_JOINTS:
+        raise InputError(
+            f"URScript is for arms of {UR_JOINTS} joints, this robot has {len(joints)}: {', '.join(joints)}; "
+            "write a .csv or a .yaml, or lock the other joints with --lock"
+        )
+    if rate > UR_RATE:
+        raise InputError(f"a UR controller takes at most {UR_RATE:g} positions a second, got --rate {rate:g}")
 
 
 def _trajectory(log: Log) -> Iterator[str]:
@@ -60,13 +85,6 @@ def _trajectory(log: Log) -> Iterator[str]:
 
 
 def _urscript(log: Log, rate: float) -> Iterator[str]:
-    if len(log.joints) != UR_JOINTS:
-        raise InputError(
-            f"URScript is for arms of {UR_JOINTS} joints, this robot has {len(log.joints)}: {', '.join(log.joints)}; "
-            "write a .csv or a .yaml, or lock the other joints with --lock"
-        )
-    if rate > UR_RATE:
-        raise InputError(f"a UR controller takes at most {UR_RATE:g} positions a second, got --rate {rate:g}")
     yield "def frischid_excite():"
     yield f"  # joints in order: {json.dumps(log.joints)}"
     yield f"  # {log.t[-1]:.2f} s. The way to the first pose is the controller's own: stand near this pose before."

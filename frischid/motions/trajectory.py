@@ -229,6 +229,23 @@ def _roots(piecewise: Any, duration: float) -> Array:
 
 FAMILIES = ("fourier", "bspline", "points", *STEP_SHARES)
 
+WITHOUT_RETURN = ("bspline", "points")
+"""Families whose motions end elsewhere than where they began."""
+
+
+def check_return(family: str, repeat: int) -> None:
+    """Refuse several runs in a row of a family whose motions do not end where they began.
+
+    Raises
+    ------
+    InputError
+    """
+    if repeat > 1 and family in WITHOUT_RETURN:
+        raise InputError(
+            f"a motion of the family {family} cannot be repeated: it does not end where it began; plan with the family "
+            "fourier"
+        )
+
 
 @dataclass(frozen=True, eq=False)
 class Family:
@@ -315,7 +332,7 @@ def random_fourier(robot: Robot, duration: float, *, seed: int, harmonics: int =
     rng = np.random.default_rng(seed)
     limits, J = robot.limits, len(robot.joints)
     harmonics = max(harmonics, round(0.4 * duration), 3)
-    lower, upper = np.maximum(limits.lower, -np.pi), np.minimum(limits.upper, np.pi)
+    lower, upper = limits.within(np.pi)
     free = Fourier.rested(np.zeros(J), rng.normal(size=(harmonics, J)), rng.normal(size=(harmonics, J)), duration)
     t = np.linspace(0, duration, 40 * harmonics)
     q, v, _ = free(t)

@@ -87,7 +87,7 @@ def _random_rows(regressor: Regressor, joints: Sequence[str], scale: RobotScale,
     rng = np.random.default_rng(seed)
     N = max(40, -(-3 * C // len(joints)))
     far = np.where(robot.prismatic, scale.length, 1.0)
-    lower, upper = np.maximum(robot.limits.lower, -np.pi * far), np.minimum(robot.limits.upper, np.pi * far)
+    lower, upper = robot.limits.within(np.pi * far)
     q = rng.uniform(lower, upper, (N, J))
     # A third of √(g/L): gravity, centrifugal and inertial torques are then alike, at some 1 rad/s for an arm of 1 m.
     v, a = rng.normal(size=(2, N, J)) * far / (3.0 * scale.time)

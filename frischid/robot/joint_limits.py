@@ -16,7 +16,7 @@ import numpy as np
 from frischid.core.types import Array
 
 LARGEST_LIMIT = 1e6
-"""A velocity (rad/s, m/s) or an effort (N·m, N) of this size or more is a placeholder; no robot has it."""
+"""A position, velocity or effort of this size or more (rad, m, s, N·m, N) is a placeholder; no robot has it."""
 
 
 @dataclass(frozen=True)
@@ -39,6 +39,16 @@ class JointLimits:
         """Range of position, (J,), rad (m); infinite for a joint without a range."""
         return self.upper - self.lower
 
+    def within(self, reach: float | Array) -> tuple[Array, Array]:
+        """Positions of every joint that are at most `reach` (rad, m) from zero, as their bounds, (J,) each.
+
+        Where the whole range lies farther out, the bounds are those of its nearest part, at most ``2 reach`` long.
+        """
+        lower, upper = np.maximum(self.lower, -reach), np.minimum(self.upper, reach)
+        beyond, nearest = lower >= upper, np.clip(0.0, self.lower, self.upper)
+        lower = np.where(beyond, np.maximum(self.lower, nearest - 2 * reach), lower)
+        return lower, np.where(beyond, np.minimum(self.upper, nearest + 2 * reach), upper)
+
 
 def read_limits(model: Any, joints: Sequence[int]) -> JointLimits:
     """Take the limits of some joints from a Pinocchio model; infinite where the URDF gives none.
@@ -56,7 +66,7 @@ def read_limits(model: Any, joints: Sequence[int]) -> JointLimits:
     velocity = np.array([model.velocityLimit[r.idx_v] for r in rows])
     effort = np.array([model.effortLimit[r.idx_v] for r in rows])
     unset = lower >= upper
-    lower[unset], upper[unset] = -np.inf, np.inf
+    lower[unset | (lower <= -LARGEST_LIMIT)], upper[unset | (upper >= LARGEST_LIMIT)] = -np.inf, np.inf
     velocity[(velocity <= 0) | (velocity >= LARGEST_LIMIT)] = np.inf
     effort[(effort <= 0) | (effort >= LARGEST_LIMIT)] = np.inf
     return JointLimits(lower, upper, velocity, effort)

@@ -130,7 +130,7 @@ def _with_masses(robot: Robot, thetas: Array) -> Array:
     """Links of the same torque that are nearest to the URDF's, (P, 10 L)."""
     bare = replace(robot, known={})
     rng, J, R = np.random.default_rng(0), len(robot.joints), len(robot.all_names)
-    lower, upper = np.maximum(robot.limits.lower, -np.pi), np.minimum(robot.limits.upper, np.pi)
+    lower, upper = robot.limits.within(np.pi)
     N = max(40, 3 * R // J + 1)
     Y = np.empty((N, R, J))
     v, a = rng.normal(size=(2, N, J))

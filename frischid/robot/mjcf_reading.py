@@ -107,8 +107,6 @@ def _joint(model: Any, index: int, links: list[str]) -> list[str]:
     word = "prismatic" if kind == "P" else "revolute" if limited else "continuous"
     effort = float(model.upperEffortLimit[v]) if hasattr(model, "upperEffortLimit") else float(model.effortLimit[v])
     room = {"lower": lower, "upper": upper} if limited else {}
-    if word == "prismatic" and not limited:
-        room = {"lower": -1e3, "upper": 1e3}
     room |= {"effort": effort if 0 < effort < 1e6 else 1e6, "velocity": 1e6}
     friction = getattr(model, "upperDryFrictionLimit", np.zeros(model.nv))
     damping = getattr(model, "damping", np.zeros(model.nv))

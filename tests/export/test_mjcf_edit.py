@@ -13,6 +13,7 @@ from frischid.effects import parse_effects
 from frischid.errors import InputError
 from frischid.export.export import export
 from frischid.model.identification import identify
+from frischid.motions.limits import nominal_torque
 from frischid.motions.simulation import Noise, simulate
 from frischid.motions.trajectory import random_fourier
 from frischid.robot.mjcf_reading import urdf_of_mjcf
@@ -155,3 +156,39 @@ def test_what_cannot_be_converted_is_said(tmp_path):
     (tmp_path / "broken.xml").write_text("<mujoco><worldbody></mujoco>")
     with pytest.raises(InputError):
         Robot.load(tmp_path / "broken.xml")
+
+
+@pytest.mark.parametrize("effects", ["", "viscous@elbow", "coulomb, rotor_inertia@elbow"])
+def test_the_file_keeps_no_armature_and_no_friction_that_the_model_has_not(tmp_path, path, effects):
+    path.write_text(
+        ARM.replace('"lower" pos="0.3 0 0" euler="0 0 0.4"', '"lower" pos="0.3 0 0"').replace('0.3"/>', '2"/>')
+    )
+    robot = Robot.load(path)
+    chosen = parse_effects(effects) if effects else ()
+    log = simulate(robot, random_fourier(robot, 10, seed=1), rate=100, effects=chosen, noise=Noise(tau=1e-3))
+    model = identify(robot, [log], effects=chosen, recursion="none").model
+    done = export(model, tmp_path / "new.xml", into=path)
+    compiled = mujoco.MjModel.from_xml_path(str(tmp_path / "new.xml"))
+    assert (compiled.dof_damping > 0).tolist() == [False, "viscous" in effects]
+    assert (compiled.dof_frictionloss > 0).tolist() == ["coulomb" in effects] * 2
+    compiled.dof_frictionloss[:] = 0.0  # it would hold the joints at rest
+    data = mujoco.MjData(compiled)
+    q, v, a = np.random.default_rng(0).normal(size=(3, 1, 2))
+    data.qpos[:], data.qvel[:], data.qacc[:] = q[0], 0.0, a[0]
+    mujoco.mj_inverse(compiled, data)
+    np.testing.assert_allclose(data.qfrc_inverse, done.model.inverse_dynamics(q, 0 * v, a)[0], atol=1e-6)
+
+
+def test_a_slide_without_a_range_has_none(tmp_path, path):
+    path.write_text(ARM.replace('type="hinge" axis="0 1 0" range="-2 2"', 'type="slide" axis="0 1 0"'))
+    assert Robot.load(path).limits.lower.tolist() == [-np.inf, -2.0]
+
+
+def test_the_torque_of_a_plan_has_the_rotors(path):
+    robot, compiled = Robot.load(path), mujoco.MjModel.from_xml_path(str(path))
+    data = mujoco.MjData(compiled)
+    compiled.dof_frictionloss[:] = 0.0  # it would hold the joints at rest
+    q, a = np.random.default_rng(0).normal(size=(2, 1, 2))
+    data.qpos[:], data.qacc[:] = q[0], a[0]
+    mujoco.mj_inverse(compiled, data)
+    np.testing.assert_allclose(nominal_torque(robot, q, 0 * q, a)[0], data.qfrc_inverse, atol=1e-6)

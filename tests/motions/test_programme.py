@@ -13,10 +13,11 @@ from click.testing import CliRunner
 
 import frischid as fr
 from frischid.cli import main
+from frischid.cli.pages.motions import unsafe
 from frischid.errors import InputError
 from frischid.logs.readers import read_log
 from frischid.motions.collision import Clearance
-from frischid.motions.limits import MotionLimits, nominal_torque
+from frischid.motions.limits import MotionLimits, Violation, nominal_torque
 from frischid.motions.programme import programme
 from frischid.motions.programme_files import save
 from frischid.motions.trajectory import Quintic
@@ -148,3 +149,32 @@ def test_the_command_shows_peaks_and_says_what_is_checked(tmp_path):
     assert data["approach_seconds"] > 0
     text = CliRunner().invoke(main, ["excite", "--help"]).output
     assert "touch neither one another nor the floor" in " ".join(text.split())
+
+
+@pytest.mark.parametrize(
+    ("output", "options", "said"),
+    [
+        ("m.txt", (), "cannot write a motion as a file '.txt'; use one of .csv, .parquet, .npz, .yaml, .script"),
+        ("m.script", (), "URScript is for arms of 6 joints, this robot has 2"),
+        ("m.csv", ("--home", "0"), "the home pose has 1 numbers"),
+        ("m.csv", ("--home", "0,4"), "joint2 at 4, outside of its limits"),
+        ("m.csv", ("--family", "bspline", "--repeat", "2"), "plan with the family fourier"),
+        ("m.csv", ("--family", "points", "--repeat", "2"), "plan with the family fourier"),
+    ],
+)
+def test_a_motion_that_nobody_could_run_is_refused_before_the_search(tmp_path, monkeypatch, output, options, said):
+    def search(*_, **__):
+        raise AssertionError("the search ran first")
+
+    monkeypatch.setattr("frischid.motions.plan.plan", search)
+    done = CliRunner().invoke(main, ["excite", "planar2", "-o", str(tmp_path / output), *options])
+    assert done.exit_code != 0
+    assert said in " ".join(done.output.split())
+
+
+def test_an_arm_too_weak_to_stand_is_no_matter_of_the_search(ur10):
+    _, plan, _ = ur10
+    weak = replace(plan, violations=(Violation("torque", "elbow_joint", 0.0, 9.0, 1.0),))
+    (alarm,) = unsafe(weak)
+    assert "--limits" in alarm.remedy
+    assert "--floor" not in alarm.remedy

@@ -89,7 +89,12 @@ def unsafe(planned: Plan) -> list[Alarm]:
     if not planned.violations:
         return []
     told = "; ".join(map(str, planned.violations))
+    kinds = {v.kind for v in planned.violations}
     remedy = "Do not run the motion. Plan it again with a larger --budget, another --seed, or another --duration."
+    if "torque" in kinds:
+        remedy += " A torque that is too large at every pose needs a larger --limits, or other efforts in the URDF."
+    if "distance" in kinds:
+        remedy += " Bodies that are too near in every pose need another --floor, or other collision shapes."
     return [Alarm("limit-not-kept", "severe", f"The motion does not keep all limits: {told}.", remedy)]
 
 
