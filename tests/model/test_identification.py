@@ -13,6 +13,7 @@ from frischid.estimators.least_squares import cross_validated
 from frischid.logs.locked_joints import moving_but_locked
 from frischid.logs.log import Log
 from frischid.logs.summary import summarise
+from frischid.model.comparison import compare
 from frischid.model.identification import identify
 from frischid.model.identification_bounds import without_information
 from frischid.model.identify_options import ESTIMATORS
@@ -294,6 +295,20 @@ def test_frisch_picks_the_best_point_of_its_box():
     assert found.selection is not None
     assert found.narrowest_box is found.model.bounds["frisch"]
     assert found.narrowest_box.contains(found.model.estimate.theta)
+
+
+def test_the_headline_is_the_error_of_the_estimators_own_values():
+    """Eq. (24) adds kilograms to rotor inertias: on this arm, its point predicts the wrists badly, and must say so."""
+    arm = Robot.load("ur5")
+    log = simulate(arm, random_fourier(arm, 20.0, seed=1), rate=100.0, noise=Noise(q=1e-4, tau=0.5))
+    found = quick(arm, [log], estimator="frisch")
+    own = compare(found.model, [log])
+    assert own.nrmse > 0.5
+    assert found.headline.nrmse == pytest.approx(own.nrmse, rel=0.1)
+    assert found.headline.grade not in ("A", "B")
+    _, lower, upper = found.model.predict(log.q, log.v, log.a)
+    wrists = ((log.tau >= lower) & (log.tau <= upper)).mean(axis=0)[3:]
+    assert wrists.min() > 0.6  # 0.04 with the band of least squares
 
 
 def test_frisch_is_equation_24_and_frisch_squared_is_least_squares_in_the_box():
