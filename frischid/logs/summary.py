@@ -19,6 +19,7 @@ from frischid.logs.locked_joints import LockedMotion
 from frischid.logs.log import DEAD_TORQUE, STANDSTILL_SPAN, Log, check_motion, check_torque
 from frischid.logs.poses import FEWEST_POSES, is_static, poses_of
 from frischid.logs.recording import Recording, chunks_of, preview_of
+from frischid.logs.wraps import unwrapped
 from frischid.robot.robot import Robot
 
 Data = Log | Recording
@@ -133,7 +134,7 @@ def _where_they_stand(robot: Robot, given: Collection[str], heads: Sequence[Log]
     """The robot with the joints that only some logs hold at their median position there, but for the given locks."""
     angles = {}
     for name in robot.locked:
-        known = [log.q[:, log.joints.index(name)] for log in heads if name in log.joints]
+        known = [unwrapped(log.select([name])).q[:, 0] for log in heads if name in log.joints]
         if name not in given and known:
             angles[name] = float(np.median(known[0]))
     return replace(robot, locked={**robot.locked, **angles}) if angles else robot
