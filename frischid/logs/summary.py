@@ -122,12 +122,31 @@ def held_by(robot: Robot, logs: Sequence[Data]) -> tuple[Robot, list[str]]:
             * (len(logs) > 1)
         )
     _refuse_torque_without_position(robot, held, heads)
-    kept = _where_they_stand(robot.keep(held), robot.locked, heads)
+    kept = _where_they_stand(keep(robot, held), robot.locked, heads)
     by_angle: dict[str, list[str]] = {}
     for name, angle in kept.locked.items():
         why = "" if name in robot.locked else " (not every log has the position; --lock JOINT=ANGLE sets another angle)"
         by_angle.setdefault(f"{angle:.4g} rad (m){why}", []).append(name)
     return kept, [f"locked at {angle}: {', '.join(names)}" for angle, names in by_angle.items()]
+
+
+def keep(robot: Robot, held: Sequence[str]) -> Robot:
+    """The robot with all joints locked that are not `held`.
+
+    Raises
+    ------
+    InputError
+        A parameter is known by its number, and the locks give the links other numbers and masses.
+    """
+    lost = [n for n in robot.joints if n not in held]
+    if lost and robot.known:
+        locks = " ".join(f"--lock {shlex.quote(n)}" for n in lost)
+        raise InputError(
+            f"not every log has the position of {', '.join(lost)}. With locked joints, links have other numbers, and "
+            f"{', '.join(robot.known)} would be known of another link: give {locks} (lock=), and the names that "
+            "`frischid info` lists then"
+        )
+    return robot.keep(held)
 
 
 def _where_they_stand(robot: Robot, given: Collection[str], heads: Sequence[Log]) -> Robot:

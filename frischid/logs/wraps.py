@@ -21,7 +21,7 @@ TURN = 2 * np.pi
 LARGEST_USUAL_STEP = 0.7
 """rad. A joint that turns farther between usual samples is sampled too slowly for a jump to tell anything."""
 
-ROUNDING = 1e-6
+ANGLE_ROUNDING = 1e-6
 """rad. Rounding of an angle in single precision."""
 
 
@@ -35,9 +35,9 @@ def _turns(x: Array) -> Array:
     step = np.diff(x)
     turns = np.round(step / TURN)
     rest = np.abs(step - TURN * turns)
-    in_one_turn = np.ptp(x) <= TURN + ROUNDING
+    in_one_turn = np.ptp(x) <= TURN + ANGLE_ROUNDING
     usual = float(np.quantile(rest if in_one_turn else np.abs(step), 0.9))  # a turning joint wraps at fewer steps
-    near = max(3 * usual, ROUNDING)
+    near = max(3 * usual, ANGLE_ROUNDING)
     true = (turns != 0) & (rest <= near)
     if usual > LARGEST_USUAL_STEP:
         return np.zeros_like(turns)

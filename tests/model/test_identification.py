@@ -118,6 +118,17 @@ def test_joints_a_log_does_not_hold_are_locked_and_said():
     assert "elbow_joint" in both.model.robot.locked
 
 
+def test_locks_from_the_logs_keep_the_links_of_known_parameters_and_frames():
+    """Without the shoulder, m3 is a link of the wrist: it had been known of this link."""
+    arm = Robot.load("ur10", known={"m3": 12.0})
+    log = exact_log(arm, BASELINE).select(arm.joints[1:])
+    with pytest.raises(InputError, match=r"m3 would be known of another link: give --lock shoulder_pan_joint"):
+        identify(arm, [log], recursion="none")
+    links = dict(zip(arm.joints, ("shoulder_link", "upper_arm_link"), strict=False))
+    framed = quick(Robot.load("ur10", frames=links), [log]).model.robot
+    assert framed.frames == {"shoulder_lift_joint": "upper_arm_link"}
+
+
 def test_columns_of_the_log_in_another_order():
     log = exact_log(UR10, BASELINE, random_values(UR10, BASELINE))
     first, second = quick(UR10, [log]), quick(UR10, [log.select(log.joints[::-1])])
