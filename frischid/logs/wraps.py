@@ -61,6 +61,22 @@ def unwrapped(log: Log, centres: Array | None = None) -> Log:
     return replace(log, q=q)
 
 
+def commands_unwrapped(log: Log) -> Log:
+    """The same log with the wraps of positions and commands undone, and a command in the turn of its position.
+
+    The log itself if nothing wraps.
+    """
+    if log.qcmd is None:
+        return unwrapped(log)
+    commanded = np.where(np.isnan(log.qcmd), log.q, log.qcmd)
+    found, goals = unwrapped(log), unwrapped(replace(log, q=commanded)).q
+    turned = (wraps_of(log.q) > 0) | (wraps_of(commanded) > 0)
+    if not turned.any():
+        return log
+    apart = TURN * np.round(np.median(goals - found.q, axis=0) / TURN)
+    return replace(found, qcmd=np.where(np.isnan(log.qcmd), np.nan, goals - np.where(turned, apart, 0.0)))
+
+
 def continuous(x: Array) -> Array:
     """A column of angles (N,) in degrees or radians with its wraps undone and its median within half a turn of zero.
 
