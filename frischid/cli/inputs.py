@@ -41,6 +41,7 @@ def load(
     from statistics import median
 
     from frischid.logs.recording import chunks_of
+    from frischid.logs.wraps import unwrapped
     from frischid.robot.robot import Robot
 
     nominal = Robot.load(robot)
@@ -58,7 +59,7 @@ def load(
     first = next(chunks_of(logs[0])) if logs and free else None
     for joint in free:
         if first is not None and joint in first.joints:
-            locks[joint] = median(first.select([joint]).q[:, 0].tolist())
+            locks[joint] = median(unwrapped(first.select([joint])).q[:, 0].tolist())
     frames = arguments.frames
     machine = Robot.load(
         robot,

@@ -30,6 +30,7 @@ from frischid.logs.command_checks import check_commands, check_delay
 from frischid.logs.controller_values import check_limits, check_value, opened, shown_value
 from frischid.logs.delayed_commands import delayed, velocity_of
 from frischid.logs.log import Log
+from frischid.logs.wraps import commands_unwrapped
 
 PUSH_RATE = "controller_push_rate_"
 """Channel of a joint in a driven log: rate of the torque that follows from commands alone, N·m/s (N/s)."""
@@ -207,9 +208,10 @@ class PDController:
         columns = np.flatnonzero(log.has("qcmd") & ~log.has("tau")).tolist() if isinstance(log, Log) else []
         if not columns:
             return replace(log, extra={**log.extra, **unmoved}, sha256=log.identity) if unmoved else log
-        check_commands(log)
+        turning = commands_unwrapped(log)
+        check_commands(turning)
         tau = np.full(log.q.shape, np.nan) if log.tau is None else log.tau.copy()
-        tau[:, columns], extra = self._torque(log, columns)
+        tau[:, columns], extra = self._torque(turning, columns)
         said = f"torque of {counted(len(columns), 'joint')} from their commands by the controller {self}"
         late = float(self.values("delay", [log.joints[j] for j in columns]).max()) + self.held / log.rate
         early = log.t - late < log.t[0] - _ROUNDED_STEP / log.rate  # the commands that act there were not recorded

@@ -10,6 +10,7 @@ import numpy as np
 
 from frischid.core.text import listed
 from frischid.logs.log import Log
+from frischid.logs.wraps import unwrapped
 from frischid.robot.robot import Robot
 
 MOVING_LOCKED = 0.05
@@ -45,7 +46,7 @@ class LockedMotion:
             if name not in chunk.joints:
                 self.absent.setdefault(name, chunk.source)
                 continue
-            q = chunk.q[:, chunk.joints.index(name)]
+            q = unwrapped(chunk.select([name]), np.array([self._locked[name]])).q[:, 0]
             low, high = self._range.get(name, (np.inf, -np.inf))
             self._range[name] = (min(low, float(q.min())), max(high, float(q.max())))
 

@@ -10,7 +10,8 @@ Three linear steps, each symmetric in time so that nothing is delayed:
 
 A torque that was recorded d seconds late is read from its spline at t + d (`LowPass.torque_lag`).
 
-No end is padded: samples at the ends, where a filter lacks samples on one side, are dropped, and a note counts them.
+No end is padded: samples at the ends, where a filter lacks samples on one side or no torque was recorded d later, are
+dropped, and a note counts them.
 
 A log at standstill (`frischid.logs.poses`) has nothing to derive: each of its poses is one sample at rest.
 
@@ -180,8 +181,8 @@ def prepare(
             f"{log.source}: steps between {np.diff(log.t).min() * 1e3:.3g} and {np.diff(log.t).max() * 1e3:.3g} ms, "
             f"put on a uniform {median * 1e3:.3g} ms grid by cubic splines through the true time stamps"
         )
-    reach = (len(derivative_taps(1, median, lowpass.cutoff)) + len(lowpass.taps(median))) // 2
-    least = 2 * reach + SPARE_SAMPLES
+    lost = sum(ends_of(median, lowpass)) + len(lowpass.taps(median)) + 1
+    least = lost + SPARE_SAMPLES
     motions, too_short = [], 0
     for start, stop in pairwise(bounds):
         if stop - start < least:
@@ -200,9 +201,16 @@ def prepare(
             f"{log.source}: no stretch without a gap is longer than the filters need ({least} samples at this "
             "cut-off); raise the cut-off, or record longer"
         )
-    trimmed = reach * median * len(motions) * 2
+    trimmed = lost * median * len(motions)
     notes.append(f"{log.source}: {trimmed:.2g} s trimmed at the ends, where the filters lack samples on one side")
     return Prepared(tuple(motions), tuple(notes))
+
+
+def ends_of(step: float, lowpass: LowPass) -> tuple[int, int]:
+    """Samples of a stretch that are dropped at its begin and its end, for the derivatives and the torque's lag."""
+    half = len(derivative_taps(1, step, lowpass.cutoff)) // 2
+    late = int(np.ceil(abs(lowpass.torque_lag) / step - 1e-6))
+    return (half, max(half, late)) if lowpass.torque_lag > 0 else (max(half, late), half)
 
 
 def _at_rest(log: Log, notes: list[str]) -> Prepared:
@@ -239,6 +247,8 @@ def _motion(log: Log, lowpass: LowPass, velocity: str, begin: float) -> tuple[Mo
     pause = PAUSE if lowpass.cutoff is None else max(PAUSE, 1.0 / lowpass.cutoff)
     standstill = find_standstill(q[inside], keep_v, source.a, step, pause)
     extra = {name: np.interp(t[inside], log.t, values) for name, values in log.extra.items()}
-    return Motion(
+    motion = Motion(
         t[inside], q[inside], keep_v, keep_a, tau[inside], standstill, log.source, begin, extra, (use_v, use_a)
-    ), notes
+    )
+    first, last = ends_of(step, lowpass)
+    return motion.part(slice(first - half, len(motion.t) - (last - half))), notes

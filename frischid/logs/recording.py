@@ -23,11 +23,11 @@ import numpy as np
 
 from frischid.core.remembered import Remembered
 from frischid.errors import InputError
-from frischid.logs.filters import LowPass, derivative_taps
+from frischid.logs.filters import LowPass
 from frischid.logs.log import CHANNELS, FEWEST_SAMPLES, Log
 from frischid.logs.log_file import LogFile
 from frischid.logs.mapping import LogMap, MappingLike
-from frischid.logs.preprocessing import Motion, Prepared, prepare
+from frischid.logs.preprocessing import Motion, Prepared, ends_of, prepare
 from frischid.logs.time_grid import breaks_of
 
 RECORDING_CHUNK = 30_000
@@ -223,9 +223,8 @@ def joined(first: Log, skip: int, second: Log) -> Log:
 def _resume(log: Log, motion: Motion, lowpass: LowPass) -> int:
     """Index of the first sample that the filter's next output needs."""
     taps, every = len(lowpass.taps(motion.step)), lowpass.decimation(motion.step)
-    half = len(derivative_taps(1, motion.step, lowpass.cutoff)) // 2
     outputs = max(0, (len(motion.t) - taps) // every + 1)
-    resume = motion.t[0] + (outputs * every - half) * motion.step
+    resume = motion.t[0] + (outputs * every - ends_of(motion.step, lowpass)[0]) * motion.step
     return max(int(np.searchsorted(log.t, resume - 1e-3 * motion.step)), int(breaks_of(log, lowpass)[-1]))
 
 

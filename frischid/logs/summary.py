@@ -19,6 +19,7 @@ from frischid.logs.locked_joints import LockedMotion
 from frischid.logs.log import DEAD_TORQUE, STANDSTILL_SPAN, Log, check_motion, check_torque
 from frischid.logs.poses import FEWEST_POSES, is_static, poses_of
 from frischid.logs.recording import Recording, chunks_of, preview_of
+from frischid.logs.wraps import unwrapped
 from frischid.robot.robot import Robot
 
 Data = Log | Recording
@@ -121,7 +122,7 @@ def held_by(robot: Robot, logs: Sequence[Data]) -> tuple[Robot, list[str]]:
             * (len(logs) > 1)
         )
     _refuse_torque_without_position(robot, held, heads)
-    kept = _where_they_stand(robot.keep(held), robot.locked, heads)
+    kept = _where_they_stand(keep(robot, held), robot.locked, heads)
     by_angle: dict[str, list[str]] = {}
     for name, angle in kept.locked.items():
         why = "" if name in robot.locked else " (not every log has the position; --lock JOINT=ANGLE sets another angle)"
@@ -129,11 +130,30 @@ def held_by(robot: Robot, logs: Sequence[Data]) -> tuple[Robot, list[str]]:
     return kept, [f"locked at {angle}: {', '.join(names)}" for angle, names in by_angle.items()]
 
 
+def keep(robot: Robot, held: Sequence[str]) -> Robot:
+    """The robot with all joints locked that are not `held`.
+
+    Raises
+    ------
+    InputError
+        A parameter is known by its number, and the locks give the links other numbers and masses.
+    """
+    lost = [n for n in robot.joints if n not in held]
+    if lost and robot.known:
+        locks = " ".join(f"--lock {shlex.quote(n)}" for n in lost)
+        raise InputError(
+            f"not every log has the position of {', '.join(lost)}. With locked joints, links have other numbers, and "
+            f"{', '.join(robot.known)} would be known of another link: give {locks} (lock=), and the names that "
+            "`frischid info` lists then"
+        )
+    return robot.keep(held)
+
+
 def _where_they_stand(robot: Robot, given: Collection[str], heads: Sequence[Log]) -> Robot:
     """The robot with the joints that only some logs hold at their median position there, but for the given locks."""
     angles = {}
     for name in robot.locked:
-        known = [log.q[:, log.joints.index(name)] for log in heads if name in log.joints]
+        known = [unwrapped(log.select([name])).q[:, 0] for log in heads if name in log.joints]
         if name not in given and known:
             angles[name] = float(np.median(known[0]))
     return replace(robot, locked={**robot.locked, **angles}) if angles else robot

@@ -3,7 +3,8 @@
     |q(k+1) − q(k) − 2πn| ≪ 2π,   n ≠ 0
 
 Between two samples no joint turns by a whole turn; where a recorded angle does, it wrapped. The jump must be a multiple
-of 2π up to the motion of some samples around it, in steps that are otherwise small.
+of 2π up to the motion of some samples around it, in steps that are otherwise small. A joint that stands at ±π may wrap
+at every other sample: an angle that never leaves one turn is judged by its steps without whole turns.
 """
 
 from __future__ import annotations
@@ -20,6 +21,9 @@ TURN = 2 * np.pi
 LARGEST_USUAL_STEP = 0.7
 """rad. A joint that turns farther between usual samples is sampled too slowly for a jump to tell anything."""
 
+ANGLE_ROUNDING = 1e-6
+"""rad. Rounding of an angle in single precision."""
+
 
 def wraps_of(q: Array) -> NDArray[np.intp]:
     """Number of wraps of each angle, (J,), from positions (N, J)."""
@@ -29,10 +33,11 @@ def wraps_of(q: Array) -> NDArray[np.intp]:
 def _turns(x: Array) -> Array:
     """Whole turns by which an angle jumps at each step, (N - 1,)."""
     step = np.diff(x)
-    usual = float(np.quantile(np.abs(step), 0.9))  # wraps are rarer than one step in ten
     turns = np.round(step / TURN)
     rest = np.abs(step - TURN * turns)
-    near = max(3 * usual, 1e-6)
+    in_one_turn = np.ptp(x) <= TURN + ANGLE_ROUNDING
+    usual = float(np.quantile(rest if in_one_turn else np.abs(step), 0.9))  # a turning joint wraps at fewer steps
+    near = max(3 * usual, ANGLE_ROUNDING)
     true = (turns != 0) & (rest <= near)
     if usual > LARGEST_USUAL_STEP:
         return np.zeros_like(turns)
@@ -54,6 +59,22 @@ def unwrapped(log: Log, centres: Array | None = None) -> Log:
         centre = float(np.median(log.q[:, j])) if centres is None else float(centres[j])
         q[:, j] -= TURN * np.round((np.median(q[:, j]) - centre) / TURN)
     return replace(log, q=q)
+
+
+def commands_unwrapped(log: Log) -> Log:
+    """The same log with the wraps of positions and commands undone, and a command in the turn of its position.
+
+    The log itself if nothing wraps.
+    """
+    if log.qcmd is None:
+        return unwrapped(log)
+    commanded = np.where(np.isnan(log.qcmd), log.q, log.qcmd)
+    found, goals = unwrapped(log), unwrapped(replace(log, q=commanded)).q
+    turned = (wraps_of(log.q) > 0) | (wraps_of(commanded) > 0)
+    if not turned.any():
+        return log
+    apart = TURN * np.round(np.median(goals - found.q, axis=0) / TURN)
+    return replace(found, qcmd=np.where(np.isnan(log.qcmd), np.nan, goals - np.where(turned, apart, 0.0)))
 
 
 def continuous(x: Array) -> Array:

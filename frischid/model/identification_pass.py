@@ -3,17 +3,22 @@
     fit → folds (cross-validation) → one pass: e = τ − Y θ → error, floor, quantiles of |e| / σ, lag d
 
 All of them need the residuals sample by sample, so the logs are evaluated once for all.
+
+Least squares is fitted again without each stretch. The other estimators (the Frisch point, sensor-wise, EIV, IV) move
+the parameters away from least squares by Δ. Their folds are those of least squares moved by the same Δ, so the error is
+that of the model's own values.
 """
 
 from __future__ import annotations
 
+from collections.abc import Sequence
 from dataclasses import dataclass, replace
 
 import numpy as np
 
 from frischid.core.types import Array
 from frischid.errors import InputError
-from frischid.estimators.held_out import held_out_variance
+from frischid.estimators.held_out import Fold, held_out_variance
 from frischid.estimators.least_squares import least_squares_folds
 from frischid.estimators.map_estimate import map_folds
 from frischid.estimators.urdf_prior import UrdfPrior
@@ -59,7 +64,9 @@ def measured(bounds: Bounds, *, with_lag: bool = True) -> Measured:
     fit, problem, data = bounds.fit, bounds.fit.problem, bounds.fit.problem.data
     data.journal.stage("cross-validation")
     if fit.posterior is None:
-        folds = least_squares_folds(problem.blocks, bounds.estimate.weights)
+        folds = _moved(
+            least_squares_folds(problem.blocks, bounds.estimate.weights), bounds.estimate.theta - fit.estimate.theta
+        )
     else:
         folds = map_folds(problem.blocks, problem.reduction.mapping, fit.posterior)
     data.journal.stage("comparison")
@@ -67,6 +74,11 @@ def measured(bounds: Bounds, *, with_lag: bool = True) -> Measured:
     model, there, spread = _compared(bounds, ResidualScores(problem, folds, bounds.estimate), lags)
     lag = torque_lag(problem, bounds.estimate, lags)
     return Measured(bounds, held_out_variance(folds), model, there, lag, spread)
+
+
+def _moved(folds: Sequence[Fold], step: Array) -> tuple[Fold, ...]:
+    """Folds with their parameters moved by a step (p,)."""
+    return tuple(replace(fold, theta=fold.theta + step) for fold in folds)
 
 
 def _compared(bounds: Bounds, scores: ResidualScores, lags: LagSums) -> tuple[Model, Comparison | None, Array]:

@@ -167,7 +167,12 @@ class Robot:
     def keep(self, joints: Sequence[str]) -> Robot:
         """Lock every joint that is not in `joints`, at zero or the nearest value in its limits."""
         extra = {j: self.angle_at_lock(j) for j in self.joints if j not in set(joints)}
-        return replace(self, locked={**self.locked, **extra}) if extra else self
+        if not extra:
+            return self
+        frames = self.frames
+        if not isinstance(frames, str):
+            frames = {j: f for j, f in frames.items() if j not in extra}
+        return replace(self, locked={**self.locked, **extra}, frames=frames)
 
     @cached_property
     def model(self) -> Any:

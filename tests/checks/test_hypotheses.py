@@ -17,6 +17,7 @@ from frischid.checks.robot_faults import shared_faults
 from frischid.cli import main
 from frischid.effects import BASELINE
 from frischid.errors import InputError
+from frischid.logs.locked_joints import LockedMotion
 from frischid.logs.log import Log
 from frischid.logs.mapping import LogMap
 from frischid.logs.mapping_fix import corrected, together
@@ -129,6 +130,21 @@ def test_angles_that_wrap_are_made_continuous(log):
     model = identify(UR, [wrapped], recursion="none")
     assert any("wrap at whole turns" in note for note in model.notes)
     assert max(model.cross_validation.values()) < 0.1
+
+
+def test_a_joint_that_stands_at_half_a_turn_wraps_at_every_other_sample(log):
+    """The sign of ±π is noise there: no joint turns, and none that is locked there moves."""
+    there = np.pi + 1e-4 * np.random.default_rng(0).standard_normal(len(log))
+    q = np.array(log.q)
+    q[:, 5] = (there + np.pi) % (2 * np.pi) - np.pi
+    assert np.ptp(q[:, 5]) > 6
+    found = unwrapped(replace(log, q=q)).q[:, 5]
+    assert np.ptp(found - there) < 1e-9
+    for at in (np.pi, -np.pi):
+        locked = LockedMotion(Robot.load("ur10", lock={UR.joints[5]: at}))
+        locked.see(replace(log, q=q))
+        assert not locked.moving
+        assert not locked.elsewhere
 
 
 def test_a_jump_that_is_no_turn_is_no_wrap(log):

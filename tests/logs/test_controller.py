@@ -48,6 +48,18 @@ def test_the_law_of_the_controller():
     np.testing.assert_allclose(pd.drive(log).tau, tau)
 
 
+@pytest.mark.parametrize("ends", ["both", "the position", "the command"])
+def test_angles_that_wrap_are_no_position_errors(ends):
+    """The two ends wrap at different times: between them, the error had been a whole turn."""
+    log = commanded()
+    q, goal = (
+        x if ends in only else x % (2 * np.pi) for x, only in ((log.q, "the command"), (log.qcmd, "the position"))
+    )
+    wrapped = fr.PDController(kp=20.0, kd=1.0).drive(replace(log, q=q, qcmd=goal))
+    np.testing.assert_allclose(wrapped.tau, fr.PDController(kp=20.0, kd=1.0).drive(log).tau, atol=1e-8)
+    np.testing.assert_array_equal(wrapped.q, q)
+
+
 def test_a_command_acts_after_its_delay():
     log = commanded()
     late = fr.PDController(kp=20.0, delay=0.03).drive(log).tau

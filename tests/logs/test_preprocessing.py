@@ -550,3 +550,15 @@ def test_a_gap_of_days_costs_nothing_and_does_not_move_the_cutoff():
     stamps = np.concatenate([t[:1500], t[1500:] + 1e9])  # thirty years: no memory holds such a grid
     night = Log(stamps, ("a", "b"), q, tau=tau, source="night")
     assert choose_lowpass([night], ("a", "b")).cutoff == choose_lowpass(parts, ("a", "b")).cutoff
+
+
+# ---- a torque that is late
+
+
+@pytest.mark.parametrize("lag", [0.5, -0.5])
+def test_no_torque_is_made_up_where_the_log_ends(lag):
+    """The torque of the last half second was recorded after the log; it had been taken as constant there."""
+    motion = motion_of(log_of(T, np.sin(T), tau=np.sin(T - lag)), LowPass(20.0, torque_lag=lag))
+    assert T[0] <= motion.t[0] + lag
+    assert motion.t[-1] + lag <= T[-1] + 1e-9
+    np.testing.assert_allclose(motion.tau[:, 0], np.sin(motion.t), atol=1e-6)

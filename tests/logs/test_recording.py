@@ -36,9 +36,9 @@ def recording_of(log, at=None):
     return Recording(log.source, read)
 
 
-@pytest.mark.parametrize("cutoff", [None, 1.5, 8.0])
-def test_motions_of_pieces_make_the_same_outputs(cutoff):
-    log, lowpass = log_of(), LowPass(cutoff)
+@pytest.mark.parametrize(("cutoff", "lag"), [(None, 0.0), (1.5, 0.0), (8.0, 0.0), (8.0, 0.3), (8.0, -0.3)])
+def test_motions_of_pieces_make_the_same_outputs(cutoff, lag):
+    log, lowpass = log_of(), LowPass(cutoff, torque_lag=lag)
     regressor = Regressor(ROBOT, fr.BASELINE)
     whole = [b for m in prepare(log, lowpass).motions for b in regressor.blocks(m, lowpass)]
     pieces = Motions([recording_of(log, [1111, 5000, 5900, 9003])], ROBOT.joints, lowpass)

@@ -13,6 +13,7 @@ from frischid.estimators.least_squares import cross_validated
 from frischid.logs.locked_joints import moving_but_locked
 from frischid.logs.log import Log
 from frischid.logs.summary import summarise
+from frischid.model.comparison import compare
 from frischid.model.identification import identify
 from frischid.model.identification_bounds import without_information
 from frischid.model.identify_options import ESTIMATORS
@@ -115,6 +116,17 @@ def test_joints_a_log_does_not_hold_are_locked_and_said():
     # one log of two is enough
     both = quick(UR10, [exact_log(UR10, BASELINE), log])
     assert "elbow_joint" in both.model.robot.locked
+
+
+def test_locks_from_the_logs_keep_the_links_of_known_parameters_and_frames():
+    """Without the shoulder, m3 is a link of the wrist: it had been known of this link."""
+    arm = Robot.load("ur10", known={"m3": 12.0})
+    log = exact_log(arm, BASELINE).select(arm.joints[1:])
+    with pytest.raises(InputError, match=r"m3 would be known of another link: give --lock shoulder_pan_joint"):
+        identify(arm, [log], recursion="none")
+    links = dict(zip(arm.joints, ("shoulder_link", "upper_arm_link"), strict=False))
+    framed = quick(Robot.load("ur10", frames=links), [log]).model.robot
+    assert framed.frames == {"shoulder_lift_joint": "upper_arm_link"}
 
 
 def test_columns_of_the_log_in_another_order():
@@ -294,6 +306,20 @@ def test_frisch_picks_the_best_point_of_its_box():
     assert found.selection is not None
     assert found.narrowest_box is found.model.bounds["frisch"]
     assert found.narrowest_box.contains(found.model.estimate.theta)
+
+
+def test_the_headline_is_the_error_of_the_estimators_own_values():
+    """Eq. (24) adds kilograms to rotor inertias: on this arm, its point predicts the wrists badly, and must say so."""
+    arm = Robot.load("ur5")
+    log = simulate(arm, random_fourier(arm, 20.0, seed=1), rate=100.0, noise=Noise(q=1e-4, tau=0.5))
+    found = quick(arm, [log], estimator="frisch")
+    own = compare(found.model, [log])
+    assert own.nrmse > 0.5
+    assert found.headline.nrmse == pytest.approx(own.nrmse, rel=0.1)
+    assert found.headline.grade not in ("A", "B")
+    _, lower, upper = found.model.predict(log.q, log.v, log.a)
+    wrists = ((log.tau >= lower) & (log.tau <= upper)).mean(axis=0)[3:]
+    assert wrists.min() > 0.6  # 0.04 with the band of least squares
 
 
 def test_frisch_is_equation_24_and_frisch_squared_is_least_squares_in_the_box():
