@@ -103,3 +103,25 @@ def test_commands_of_a_model_of_some_joints(folder, monkeypatch):
     shown = study(model, fr.own_logs(model).logs)
     page = str(next(c for c in CHAPTERS if c.anchor == "verdict").html(shown, "model.json"))
     assert "frischid excite has no --torque-joints" in page
+
+
+def test_a_command_finds_the_robot_from_another_folder(folder, monkeypatch):
+    """The model names its robot's file relative to itself; the page names no folder of a machine."""
+    robot = fr.Robot.load("planar2")
+    (folder / "arm").mkdir()
+    Path("arm/robot.urdf").write_text(robot.urdf, encoding="utf-8")
+    written("log.csv", seconds=20.0, sign=-1.0)
+    words = "identify arm/robot.urdf log.csv --map 'my map.toml' --bbrf none -o model.json"
+    CliRunner().invoke(main, shlex.split(words))
+    assert fr.Model.load("model.json").robot.source == str(Path("arm/robot.urdf"))
+    monkeypatch.chdir(folder / "arm")
+    model = fr.Model.load("../model.json")
+    assert model.robot.source == "robot.urdf"
+    (folder / "elsewhere").mkdir()
+    monkeypatch.chdir(folder / "elsewhere")
+    model = fr.Model.load("../model.json")
+    done = CliRunner().invoke(main, shlex.split(check_command(model))[1:])
+    assert done.exit_code == 1, done.output
+    assert check_command(model, name=alone) == "frischid check robot.urdf log.csv --map 'my map.toml'"
+    model.save("again.json")
+    assert '"source": "../arm/robot.urdf"' in Path("again.json").read_text(encoding="utf-8")

@@ -160,7 +160,7 @@ def _next(study: Study, model_path: str) -> list[dict[str, Any]]:
         found.append({"kind": "formula", "command": f"frischid studio {given}{logs}"})
     elif len(pair) == 2:
         effects = listed([f.effect for f in pair])
-        found.append({"kind": "separate", "effects": effects, "command": command_for(pair, robot)})
+        found.append({"kind": "separate", "effects": effects, "command": command_for(pair, robot, alone)})
     if best is not None:
         where = f" --joints {shlex.quote(','.join(best.joints))}" if best.joints else ""
         add = f"frischid add {given} {best.effect}{where}{logs}{_tests(study) if not logs else ''} -o {better}"
@@ -168,7 +168,7 @@ def _next(study: Study, model_path: str) -> list[dict[str, Any]]:
         found.append({"kind": "add", "effect": best.effect, "change": best.change, "command": add, "refused": refused})
     if study.weak:
         more = " …" * (len(study.weak) > LISTED)
-        plan = excite_command(study.model)
+        plan = excite_command(study.model, alone)
         names = ", ".join(study.weak[:LISTED]) + more
         found.append({"kind": "excite", "count": len(study.weak), "names": names, "command": plan})
     if not study.held_out:
