@@ -3,15 +3,17 @@
 import shlex
 from dataclasses import replace
 from pathlib import Path
+from types import SimpleNamespace
 
 import pytest
 from click.testing import CliRunner
 
 import frischid as fr
 from frischid.cli import main
+from frischid.diagnosis.contacts import Contact
 from frischid.model.alarms import Alarm, by_severity
 from frischid.reports.chapters import CHAPTERS
-from frischid.reports.chapters.verdict import content
+from frischid.reports.chapters.verdict import _cut, content
 from frischid.reports.commands import alone, check_command
 from frischid.reports.study import Study, study
 
@@ -125,3 +127,13 @@ def test_a_command_finds_the_robot_from_another_folder(folder, monkeypatch):
     assert check_command(model, name=alone) == "frischid check robot.urdf log.csv --map 'my map.toml'"
     model.save("again.json")
     assert '"source": "../arm/robot.urdf"' in Path("again.json").read_text(encoding="utf-8")
+
+
+def test_the_part_that_nobody_touched_is_cut_with_the_mapping_of_its_log(folder):
+    written("log.csv")
+    log = fr.read_log("log.csv", fr.Robot.load("planar2").joints, "my map.toml")
+    touched = SimpleNamespace(contacts=[Contact(log.source, 6.0, 7.0, ("joint1",), 1.0)])
+    command = _cut(SimpleNamespace(logs=(log,)), touched)
+    assert command == "frischid cut log.csv --from 0.0 --until 6.0 --map 'my map.toml' -o log_untouched.csv"
+    done = CliRunner().invoke(main, shlex.split(command)[1:])
+    assert done.exit_code == 0, done.output

@@ -21,7 +21,7 @@ from frischid.model.events import selection_errors
 from frischid.model.grade import between
 from frischid.model.headline import Headline, headline_of
 from frischid.model.own_logs import paths_of
-from frischid.reports.commands import alone, check_command, excite_command, tested_files, with_tests
+from frischid.reports.commands import alone, check_command, excite_command, tested_files, with_maps, with_tests
 from frischid.reports.study import Study
 
 LISTED = 4  # parameters named in a sentence; the table of parameters has the others
@@ -136,7 +136,8 @@ def _cut(study: Study, diagnosis: Diagnosis) -> str:
     start, end = (x - float(log.t[0]) for x in longest_untouched(log, diagnosis.contacts))
     name = Path(log.source)
     out = shlex.quote(f"{name.stem}_untouched.csv")
-    return f"frischid cut {shlex.quote(name.name)} --from {start:.1f} --until {end:.1f} -o {out}"
+    maps = with_maps([] if log.file is None else [log.file], alone)
+    return f"frischid cut {shlex.quote(name.name)} --from {start:.1f} --until {end:.1f}{maps} -o {out}"
 
 
 def _tests(study: Study) -> str:
