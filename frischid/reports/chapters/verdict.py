@@ -142,7 +142,8 @@ def _cut(study: Study, diagnosis: Diagnosis) -> str:
 
 def _tests(study: Study) -> str:
     """Options that name the report's logs to which the model was not fitted."""
-    named = [log.file for log in study.logs if log.source in study.held_out and log.file is not None]
+    tested = [log for log, role in zip(study.logs, study.roles, strict=True) if role == "test"]
+    named = [log.file for log in tested if log.file is not None]
     return with_tests(named or tested_files(study.model), alone)
 
 
