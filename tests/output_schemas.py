@@ -7,7 +7,11 @@ from jsonschema import Draft202012Validator
 
 from frischid.cli.outputs.schemas import TYPES, schema_of
 
-OPTIONS = {("identify", "output_error"): "identify_output_error", ("demo", "--practice"): "demo_practice"}
+OPTIONS = {
+    ("identify", "output_error"): "identify_output_error",
+    ("identify", "--scheduler"): "fleet",
+    ("demo", "--practice"): "demo_practice",
+}
 """Commands that print something else with one of their options."""
 
 

@@ -128,10 +128,12 @@ def identify(
     Test logs (--valid) give the error on logs that were not fitted. Logs of commanded positions need a --controller.
     """
     if scheduler is not None:
-        if valid or estimator != "wls" or window or bbrf not in {"strict", "none"} or controller.controller:
+        fitted = estimator != "wls" or horizon or window or bbrf not in {"strict", "none"}
+        if valid or fitted or controller != ControllerArguments(None, {}):
             raise InputError(
-                "--scheduler sums moments and cannot be combined with --valid, --estimator, --bbrf, --window or "
-                "--controller; leave these out, or identify on this machine without --scheduler"
+                "--scheduler sums moments and cannot be combined with --valid, --estimator, --horizon, --bbrf, "
+                "--window, --controller and the options of a controller; leave these out, or identify on this machine "
+                "without --scheduler"
             )
         fleet = FleetArguments(
             effects, mapping, torque_joints, cutoff, velocity, prior or "urdf", output, scheduler, torque_lag=torque_lag

@@ -13,6 +13,7 @@ from typing import Any
 
 from rich.cells import cell_len
 from rich.console import Console, RenderableType
+from rich.errors import MarkupError
 from rich.markup import escape
 from rich.table import Table
 from rich.text import Text
@@ -21,6 +22,8 @@ GAP = 2
 """Characters between two columns."""
 PAIRS = "   "
 """Between two pairs of a line."""
+FOREIGN_TAG = re.compile(r"(?<!\\)\[(?!/?(?:bold|bold red|red|yellow|green|dim)\])(?=[a-z#/@][^\[]*?\])")
+"""Bracket that rich would read as markup, and that is none of the pages'."""
 
 
 class Wide(Table):
@@ -43,6 +46,20 @@ class Command(str):
     """A command to copy: it continues on the next line as a shell reads it."""
 
 
+def own_markup(text: str) -> str:
+    """A text in which only the pages' own markup counts: brackets in names of files and joints stay in sight.
+
+    >>> own_markup("[bold]cut[old].csv[/bold]")
+    '[bold]cut\\\\[old].csv[/bold]'
+    """
+    text = FOREIGN_TAG.sub(r"\\[", text)
+    try:
+        Text.from_markup(text)
+    except MarkupError:  # a name holds a tag of the pages' own
+        return escape(text)
+    return text
+
+
 def fitted(part: Any, width: int) -> list[RenderableType]:
     """A part of a page as it fits a terminal.
 
@@ -59,19 +76,23 @@ def fitted(part: Any, width: int) -> list[RenderableType]:
     """
     if isinstance(part, Command):
         return _continued(part, width)
+    if isinstance(part, str):
+        part = own_markup(part)
     if isinstance(part, str) and part.startswith(" "):
         return _hanging(part, width)
     if not isinstance(part, Table):
         return [part]
-    cells = [[str(column.header), *(str(cell) for cell in column.cells)] for column in part.columns]
+    cells = [[own_markup(str(cell)) for cell in (column.header, *column.cells)] for column in part.columns]
     kept, left_out = list(range(len(cells))), []
     for heading in getattr(part, "droppable", ()):
         if _width([_least(cells[k]) for k in kept]) <= width:
             break
-        gone = [k for k in kept if cells[k][0] == heading]
+        gone = [k for k in kept if cells[k][0] == own_markup(heading)]
         left_out += [heading] * len(gone)
         kept = [k for k in kept if k not in gone]
-    title: list[RenderableType] = [] if part.title is None else [Text.from_markup(str(part.title), style="italic")]
+    title: list[RenderableType] = []
+    if part.title is not None:
+        title = [Text.from_markup(own_markup(str(part.title)), style="italic")]
     if _width([_least(cells[k]) for k in kept]) > width:
         return [*title, *_row_by_row(cells, width)]
     table = Table(box=None, pad_edge=False, header_style="bold")

@@ -12,7 +12,8 @@ from __future__ import annotations
 
 import itertools
 import shlex
-from collections.abc import Mapping, Sequence
+from collections.abc import Callable, Mapping, Sequence
+from pathlib import Path
 from typing import NamedTuple
 
 from frischid.core.text import listed, percent, sentence
@@ -84,24 +85,28 @@ def shared(findings: Sequence[Finding], probabilities: Mapping[str, float]) -> l
     return sorted([Rival(first.effect, first.probability), *others], key=lambda r: -r.probability)
 
 
-def in_command(robot: Robot | str) -> str:
-    """A robot as a command line names it: its file or name, and the joints that move where others are locked."""
+def in_command(robot: Robot | str, name: Callable[[str], str] = str) -> str:
+    """A robot as a command line names it: its file or name, and the joints that move where others are locked.
+
+    `name` writes the path of a file.
+    """
     if isinstance(robot, str):
         return shlex.quote(robot)
     moving = f" --joints {shlex.quote(','.join(robot.joints))}" if robot.locked else ""
-    return f"{shlex.quote(robot.source)}{moving}"
+    source = name(robot.source) if Path(robot.source).is_file() else robot.source
+    return f"{shlex.quote(source)}{moving}"
 
 
-def command_for(pair: Sequence[Finding], robot: Robot | str = "ROBOT") -> str:
+def command_for(pair: Sequence[Finding], robot: Robot | str = "ROBOT", name: Callable[[str], str] = str) -> str:
     """Command that plans a motion on which two findings act differently at one joint; empty where no joint has both.
 
     Effects of different joints differ on every motion: no plan is needed. `robot` may also be the file or the name that
-    the robot was loaded by.
+    the robot was loaded by; `name` writes the path of a file.
     """
     placed = ",".join(_placed(pair))
     if not placed:
         return ""
-    return f"frischid excite {in_command(robot)} --separate {shlex.quote(placed)} -o motion.csv"
+    return f"frischid excite {in_command(robot, name)} --separate {shlex.quote(placed)} -o motion.csv"
 
 
 def pair_of(findings: Sequence[Finding], probabilities: Mapping[str, float]) -> list[Finding]:

@@ -25,6 +25,7 @@ from typing import Any, Literal
 import numpy as np
 
 from frischid.core.parallel import Here, Workers
+from frischid.core.text import counted
 from frischid.effects import BASELINE, Effect
 from frischid.errors import InputError, UnknownNameError
 from frischid.estimators.held_out import FOLDS
@@ -242,7 +243,7 @@ def _job(
         options.mapping,
     )
     filtering = "nothing is low-passed" if lowpass.cutoff is None else f"low-passed at {lowpass.cutoff:g} Hz"
-    notes = [f"{filtering} ({lowpass.reason}), from {len(good)} logs spread over the fleet"]
+    notes = [f"{filtering} ({lowpass.reason}), from {counted(len(good), 'log')} spread over the fleet"]
     whole = [p for p, x in zip(chosen, looks, strict=True) if isinstance(x, Look) and x.holds(held, fitted)]
     job, late = _in_time(pool, job, whole, options)
     return job, reduction, notes + late
@@ -256,7 +257,8 @@ def _in_time(pool: Workers, job: Job, logs: Sequence[LogPath], options: FleetOpt
     taken, notes = options.torque_lag, list[str]()
     if taken == "auto":
         few = [logs[i] for i in np.unique(np.linspace(0, len(logs) - 1, min(FOLDS, len(logs))).astype(int))]
-        taken, notes = pool.gather(pool.map(torque_lag, [few], job, options.prior))[0]
+        # Without a log that has all joints and torques, each is skipped by name.
+        taken, notes = pool.gather(pool.map(torque_lag, [few], job, options.prior))[0] if few else (0.0, notes)
     lowpass = replace(job.lowpass, torque_lag=float(taken))
     return replace(job, lowpass=lowpass), notes or [lowpass.lag_in_words] * bool(taken)
 

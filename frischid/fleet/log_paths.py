@@ -2,6 +2,8 @@
 
     logs/**/*.parquet            logs/r017/monday/3.parquet is of r017, the first folder below the pattern's fixed part;
                                  a file directly in the fixed part is a robot of its own
+    logs/r017/1.csv logs/r018/1.csv    names of files, as a shell makes of a pattern: the first folder below the one
+                                 that all of them share
     logs/{robot}_*.parquet       the pattern names the robot: logs/r017_3.parquet is of r017
     s3://bucket/{robot}/*        any address that fsspec and its plug-ins can open
 
@@ -11,6 +13,7 @@ Logs are in the order of their addresses, in whatever order a file system lists 
 from __future__ import annotations
 
 import glob
+import os
 import re
 import tempfile
 from collections.abc import Iterator, Sequence
@@ -60,14 +63,20 @@ def find_logs(patterns: Sequence[str]) -> list[LogPath]:
     ['r017', 'r017', 'r018']
     """
     found: dict[str, str] = {}
+    shared = os.path.commonprefix([_plain(p) for p in patterns if _is_name(p)])
     for pattern in patterns:
         addresses = _matches(pattern.replace(_ROBOT, "*"))
         if not addresses:
             raise InputError(f"{pattern}: no file matches; quote the pattern so that the shell leaves it alone")
-        plain = _plain(pattern)
+        plain = f"{shared[: shared.rfind('/') + 1]}*" if _is_name(pattern) else _plain(pattern)
         for address in addresses:
             found.setdefault(address, robot_of(address, plain))
     return sorted(LogPath(robot, address) for address, robot in found.items())
+
+
+def _is_name(pattern: str) -> bool:
+    """Whether a pattern is the name of one file, which may hold brackets."""
+    return _WILD.search(pattern) is None or ("://" not in pattern and Path(pattern).is_file())
 
 
 def robot_of(address: str, pattern: str) -> str:
@@ -102,6 +111,8 @@ def _expression(pattern: str) -> str:
 
 def _matches(pattern: str) -> list[str]:
     if "://" not in pattern:
+        if Path(pattern).is_file():
+            return [pattern]
         found = glob.glob(pattern, recursive=True)  # noqa: PTH207 (Path.glob cannot use absolute patterns)
         return sorted(path for path in found if Path(path).is_file())
     fs, path = _filesystem(pattern)

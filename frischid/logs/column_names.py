@@ -275,7 +275,9 @@ def _by_number(numbers: Mapping[str, int], joints: Sequence[str], known: Mapping
 
 
 def _words(text: str) -> tuple[str, ...]:
-    return tuple(w for w in re.split(r"[^0-9a-z]+", text.lower()) if w not in FILLER_WORDS)
+    """Words that tell one joint from another: ``joint1`` is cut as `split` cuts a column's name."""
+    words = [part for w in re.split(r"[^0-9a-z]+", text.lower()) for part in (_counted(w) or [w])]
+    return tuple(w for w in words if w not in FILLER_WORDS)
 
 
 def _alike(rest: str, joint: str) -> float:

@@ -47,16 +47,11 @@ def check_velocities(table: Table, t: Array, found: Proposal) -> None:
 def propose_degrees(table: Table, robot: Robot, found: Proposal) -> None:
     """Propose degrees where positions are more than a turn outside the limits, but inside when divided by 57.3."""
     outside, degrees = _outside_limits(table, robot, found)
-    sliding = [j for j in found.joints if robot.prismatic[robot.joints.index(j)]]
     if degrees:
         found.file["angle_unit"] = "deg"
         found.reasons.append(
             "angles in degrees: as radians they are more than a turn outside the URDF's limits, as degrees within"
         )
-        if sliding:
-            found.reasons.append(
-                f'{", ".join(sliding)} slide: give them angle_unit = "m" if their columns are in metres'
-            )
     elif outside:
         found.guesses.append(
             "as radians the positions are more than a turn outside the URDF's limits, and as degrees they are outside "
@@ -66,8 +61,8 @@ def propose_degrees(table: Table, robot: Robot, found: Proposal) -> None:
         )
 
 
-def propose_millimetres(table: Table, robot: Robot, found: Proposal) -> None:
-    """Propose millimetres for sliding joints whose columns say so by name, or move so far."""
+def propose_lengths(table: Table, robot: Robot, found: Proposal) -> None:
+    """Propose millimetres for sliding joints whose columns say so by name, or move so far; metres beside degrees."""
     said = []
     for joint, columns in found.joints.items():
         k = robot.joints.index(joint)
@@ -78,6 +73,9 @@ def propose_millimetres(table: Table, robot: Robot, found: Proposal) -> None:
         if by_name or (len(seen) and in_millimetres(float(np.ptp(seen)), float(robot.limits.stroke[k]))):
             found.units.setdefault(joint, {})["angle_unit"] = "mm"
             said.append(f"{columns['q']} in millimetres, by {'its name' if by_name else 'the range of its motion'}")
+        elif found.file.get("angle_unit") == "deg":
+            found.units.setdefault(joint, {})["angle_unit"] = "m"
+            said.append(f"{columns['q']} in metres: the joint slides, the degrees are those of the others")
     found.reasons += [", ".join(said)] if said else []
 
 

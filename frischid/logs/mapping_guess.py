@@ -33,7 +33,7 @@ from frischid.logs.column_units import (
     check_velocities,
     propose_degrees,
     propose_effort_units,
-    propose_millimetres,
+    propose_lengths,
     radians_per_unit,
 )
 from frischid.logs.gain_guess import guess_gains
@@ -93,7 +93,7 @@ def propose(path: str | Path, robot: Robot, rate: float | None = None) -> Propos
     guess_gains(table, t, found)
     check_velocities(table, t, found)
     propose_degrees(table, robot, found)
-    propose_millimetres(table, robot, found)
+    propose_lengths(table, robot, found)
     propose_effort_units(found)
     used = {*found.set_points, *(name for columns in found.joints.values() for name in columns.values())}
     unused = [n for n in named if n.strip() and n not in used]

@@ -72,6 +72,7 @@ def _arrays(path: Path, robot: Robot, found: Proposal) -> Table:
 # ---------------------------------------------------------------------- time
 
 PARTS_OF_STAMPS = ("sec", "secs", "seconds"), ("nsec", "nsecs", "nanosec", "nanosecs", "nanoseconds")
+WORDS_OF_UNITS = {"ms": "ms", "us": "us", "µs": "us", "ns": "ns", "s": "s"} | dict.fromkeys(PARTS_OF_STAMPS[0], "s")
 ROWS_PER_STAMP = 5
 """Most rows that have the same stamp: a recorder that is so much faster than the controller."""
 
@@ -99,11 +100,17 @@ def time_column(table: Table, found: Proposal) -> str | None:
 
 
 def stamps_of(table: Table, path: Path, name: str, found: Proposal) -> Array:
-    """Stamps of the time column in seconds, and their unit."""
+    """Stamps of the time column in seconds, and their unit.
+
+    The unit is the one in the column's name, if it gives a rate that is possible at all; otherwise the first one that
+    gives a usual rate.
+    """
     raw = np.asarray(table.numeric[name] - table.numeric[name][0], dtype=float)
     steps = np.diff(raw)
     rate = 1 / float(np.median(steps[steps > 0]))
-    units = [unit for unit, scale in TICKS_PER_SECOND.items() if 20 <= rate * scale <= 5e3]
+    said = _unit_said(name)
+    units = [said] if said and 2 <= rate * TICKS_PER_SECOND[said] <= 2e4 else []
+    units += [unit for unit, scale in TICKS_PER_SECOND.items() if 20 <= rate * scale <= 5e3]
     unit = "ns" if is_bag(path) else (units or ["s"])[0]
     if unit != "s" and not is_bag(path):
         found.file["time_unit"] = unit
@@ -111,6 +118,12 @@ def stamps_of(table: Table, path: Path, name: str, found: Proposal) -> Array:
     if not is_bag(path) and abs(float(table.numeric[name][0])) / TICKS_PER_SECOND[unit] > 1e8:
         found.file["zero_time"] = True
     return raw / TICKS_PER_SECOND[unit]
+
+
+def _unit_said(name: str) -> str | None:
+    """Unit of time that a column's name says; None without one."""
+    words = {unit_of(name)[0], *re.split(r"[^a-zµ]+", name.lower())}
+    return next((unit for word, unit in WORDS_OF_UNITS.items() if word in words), None)
 
 
 def rate_of(table: Table, rate: float | None, found: Proposal) -> Array:

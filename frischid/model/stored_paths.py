@@ -2,6 +2,8 @@
 
 In memory the history of a model holds absolute paths. `portable` makes them relative when a model is saved, `located`
 makes them absolute when it is read. A file that holds an absolute path was not written by frischid and is refused.
+
+The robot's file is named in the same way, where there is one: commands to copy name it, and its meshes lie beside it.
 """
 
 from __future__ import annotations
@@ -26,7 +28,9 @@ def portable(data: Mapping[str, Any], folder: Path) -> dict[str, Any]:
     folder : Path
         Of the model file.
     """
-    found: dict[str, Any] = _with_paths(data, lambda path: _relative(path, folder), rename=True)
+    found: dict[str, Any] = _with_paths(
+        data, lambda path: _relative(path, folder), lambda source: _robot_from(source, folder), rename=True
+    )
     return found
 
 
@@ -47,10 +51,12 @@ def located(data: Any, folder: Path, source: str) -> Any:
     InputError
         A path is absolute, or holds a character that no name of a file has.
     """
-    return _with_paths(data, lambda path: _absolute(path, folder, source), rename=False)
+    return _with_paths(
+        data, lambda path: _absolute(path, folder, source), lambda name: _robot_here(name, folder), rename=False
+    )
 
 
-def _with_paths(data: Any, convert: Callable[[str], str], *, rename: bool) -> Any:
+def _with_paths(data: Any, convert: Callable[[str], str], of_robot: Callable[[str], str], *, rename: bool) -> Any:
     """The content with other paths, in every step; `rename`: where a log's path stands in words, too."""
     steps = list(_steps(data))
     whole: Any = None
@@ -59,6 +65,9 @@ def _with_paths(data: Any, convert: Callable[[str], str], *, rename: bool) -> An
         events = step.get("history")
         changed = [_event(e, convert, rename) for e in events] if isinstance(events, list) else events
         whole = {**step, "history": changed} if "history" in step else dict(step)
+        robot = step.get("robot")
+        if isinstance(robot, Mapping) and isinstance(robot.get("source"), str):
+            whole["robot"] = {**robot, "source": of_robot(robot["source"])}
         if "previous" in step and isinstance(step["previous"], Mapping):
             whole["previous"] = below
         below = whole
@@ -110,6 +119,19 @@ def _renamed(value: Any, names: Mapping[str, str]) -> Any:
     for old, new in names.items():
         value = value.replace(old, new) if isinstance(value, str) else value
     return value
+
+
+def _robot_from(source: str, folder: Path) -> str:
+    """The file of a robot from a folder on; the name of a robot, or of a file that is not there, as it is."""
+    return _relative(source, folder) if os.path.isfile(source) else source  # noqa: PTH113 (any text is no error)
+
+
+def _robot_here(source: str, folder: Path) -> str:
+    """The file of a robot from the present folder on, where it lies below; what names no file, as it is."""
+    found = Path(os.path.normpath(Path(os.path.realpath(folder), source)))
+    if PurePosixPath(source).is_absolute() or not os.path.isfile(found):  # noqa: PTH113 (any text is no error)
+        return source
+    return str(found.relative_to(Path.cwd()) if found.is_relative_to(Path.cwd()) else found)
 
 
 def _relative(path: str, folder: Path) -> str:

@@ -43,10 +43,10 @@ def fitted_files(model: Model) -> list[LogFile]:
 def with_tests(files: Iterable[LogFile], name: Name = from_here) -> str:
     """Options that name test logs and the mapping files that explain their columns."""
     files = list(files)
-    return "".join(f" --valid {_quoted(name(file.path))}" for file in files) + _with_maps(files, name)
+    return "".join(f" --valid {_quoted(name(file.path))}" for file in files) + with_maps(files, name)
 
 
-def _with_maps(files: Iterable[LogFile], name: Name) -> str:
+def with_maps(files: Iterable[LogFile], name: Name) -> str:
     """Options that name the mapping files of some logs."""
     maps = dict.fromkeys(file.mapping.path for file in files if file.mapping is not None)
     return "".join(f" --map {_quoted(name(path))}" for path in maps)
@@ -58,12 +58,12 @@ def check_command(model: Model, output: str = "", name: Name = from_here) -> str
     logs = "".join(f" {_quoted(name(file.path))}" for file in files) or " LOG..."
     joints = "" if model.joints == robot.joints else f" --torque-joints {shlex.quote(','.join(model.joints))}"
     written = f" -o {_quoted(output)}" if output else ""
-    return f"frischid check {in_command(robot)}{logs}{_with_maps(files, name)}{joints}{written}"
+    return f"frischid check {in_command(robot, name)}{logs}{with_maps(files, name)}{joints}{written}"
 
 
-def excite_command(model: Model) -> str:
+def excite_command(model: Model, name: Name = from_here) -> str:
     """The command that plans a motion of the model's robot."""
-    return f"frischid excite {in_command(model.robot)} -o motion.csv"
+    return f"frischid excite {in_command(model.robot, name)} -o motion.csv"
 
 
 def _quoted(path: str) -> str:

@@ -51,6 +51,8 @@ class Study:
         Of a long log an excerpt: see `frischid.logs.excerpt`.
     held_out : tuple of str
         Sources of the logs the model was not fitted to.
+    roles : tuple of str
+        ``"fitted"`` or ``"test"``, of each log in their order: two logs of one name may have different roles.
     prediction : Prediction
         Along all logs, in their order.
     headline : Headline
@@ -85,6 +87,7 @@ class Study:
     model: Model
     logs: tuple[Log, ...]
     held_out: tuple[str, ...]
+    roles: tuple[str, ...]
     prediction: Prediction
     headline: Headline
     comparison: Comparison
@@ -243,6 +246,7 @@ def study(
         model,
         tuple(shown),
         tuple(log.source for log in held),
+        tuple("fitted" if model.made_from(log) else "test" for log in whole),
         prediction,
         headline(model, held or whole, verdict),
         comparison,

@@ -87,6 +87,14 @@ def test_sliding_joints_stay_in_metres():
     assert set(fix) == {FILE, ("torso_lift_joint", "angle_unit", "m")}
 
 
+def test_a_proposed_mapping_keeps_a_sliding_joint_in_metres_beside_degrees(tmp_path):
+    robot = Robot.load("tiago", joints=["torso_lift_joint", "arm_1_joint"])
+    log, path, output = driven(robot), tmp_path / "log.csv", tmp_path / "map.toml"
+    write_log(replace(in_degrees(log, "arm_1_joint"), v=None), path)
+    output.write_text(propose(path, robot).toml("log.csv"), encoding="utf-8")
+    np.testing.assert_allclose(read_log(path, robot.joints, output).q, log.q, rtol=1e-6)
+
+
 def test_a_sliding_joint_in_millimetres_is_told_and_the_mapping_file_undoes_it(tmp_path):
     robot = Robot.load("tiago", joints=["torso_lift_joint", "arm_1_joint"])
     log = driven(robot)

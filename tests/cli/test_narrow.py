@@ -10,12 +10,17 @@ from hypothesis import given
 from hypothesis import strategies as st
 from rich.cells import cell_len
 from rich.console import Console
+from rich.markup import escape
 from test_cli import fitted, logs, run  # noqa: F401 (fixtures)
 from widths import assert_whole
 
 from frischid.cli import main, output
 from frischid.cli.narrow import Command, Wide
 from frischid.cli.narrow import fitted as pieces_of
+from frischid.logs.readers import write_log
+from frischid.motions.simulation import simulate
+from frischid.motions.trajectory import random_fourier
+from frischid.robot.robot import Robot
 
 WORD = st.text("abcdefgh0123456789.-", min_size=1, max_size=9)
 CELL = st.lists(WORD, min_size=1, max_size=4).map(" ".join)
@@ -159,3 +164,22 @@ def test_a_long_word_of_a_command_continues_after_a_comma_as_a_shell_reads_it():
         lines = printed(Command(command), width).splitlines()
         assert all(cell_len(line) <= width for line in lines)
         assert shlex.split("\n".join(lines).replace("\\\n", "")) == shlex.split(command)
+
+
+@pytest.mark.parametrize("name", ["cut[old].csv", "run[/red].csv", "[/bold]", "a[1].csv", "[link=x]y"])
+def test_brackets_in_a_name_are_no_markup(name):
+    table = Wide(f"joint {name}", "value", title=name)
+    table.add_row(name, "1")
+    for part in (f"written to {name}", f"  written to {name}", f"written to {escape(name)}", table):
+        assert printed(part, 120).count(name) == (1 if isinstance(part, str) else 3)
+        assert name in printed(part, 20).replace("\n", "")
+
+
+def test_the_file_that_was_written_is_named_as_it_is(tmp_path):
+    robot = Robot.load("planar2")
+    log = simulate(robot, random_fourier(robot, 5, seed=1), rate=50)
+    write_log(log, tmp_path / "log.csv")
+    written = tmp_path / "cut[old].csv"
+    result = CliRunner().invoke(main, ["cut", str(tmp_path / "log.csv"), "--until", "4", "-o", str(written)])
+    assert "cut[old].csv" in result.output
+    assert written.exists()

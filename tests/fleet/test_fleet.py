@@ -5,6 +5,7 @@ import logging
 import os
 import signal
 from dataclasses import replace
+from pathlib import Path
 
 import numpy as np
 import pytest
@@ -22,6 +23,7 @@ from frischid.fleet.fleet import FleetOptions, identify_fleet
 from frischid.fleet.log_paths import LogPath, find_logs, local, robot_of
 from frischid.fleet.results import SIGNIFICANCE
 from frischid.fleet.shared_fit import SharedFit, with_spread
+from frischid.logs.table_writing import write_table
 from frischid.regression.moments import Gram, total
 
 ROBOTS, SECONDS, RATE = 22, 20.0, 50.0
@@ -155,6 +157,35 @@ def test_a_tree_has_one_shape():
 )
 def test_which_robot_a_log_is_of(pattern, address, robot):
     assert robot_of(address, pattern) == robot
+
+
+def test_names_of_files_are_of_the_robots_of_the_pattern_that_a_shell_made_them_of(tmp_path, monkeypatch):
+    monkeypatch.chdir(tmp_path)
+    names = ["logs/r1/log.csv", "logs/r2/log.csv", "logs/r2/log[old].csv"]
+    for name in names:
+        Path(name).parent.mkdir(parents=True, exist_ok=True)
+        Path(name).touch()
+    assert [path.robot for path in find_logs(names)] == ["r1", "r2", "r2"]
+    assert find_logs(names) == find_logs(["logs/*/*.csv"])
+    assert [path.robot for path in find_logs(names[1:])] == ["log", "log[old]"]
+
+
+def test_logs_of_which_none_has_all_joints_are_skipped_by_name(arm, folder, tmp_path):
+    """Of two of three robots each joint is recorded, and of none all of them."""
+    log = fr.read_log(folder / "r01" / "log.parquet", arm.joints)
+    table = log.to_table()
+    for joint in arm.joints:
+        write_table({n: x for n, x in table.items() if not n.endswith(joint)}, tmp_path / f"{joint}.parquet")
+    with pytest.raises(InputError, match=r"none of \d logs can be used; the first: .*parquet"):
+        identify_fleet(arm, find_logs([f"{tmp_path}/*.parquet"]))
+
+
+@pytest.mark.parametrize("more", [("--gain", "3"), ("--kp", "100"), ("--horizon", "2"), ("--held-commands",)])
+def test_sums_of_moments_refuse_what_they_cannot_use(folder, more):
+    words = ["identify", "planar2", str(folder / "r01" / "log.parquet"), "--scheduler", "none", *more]
+    done = CliRunner().invoke(main, words)
+    assert done.exit_code == 2
+    assert "--scheduler sums moments" in done.output
 
 
 def test_addresses_of_any_file_system(folder, tmp_path):

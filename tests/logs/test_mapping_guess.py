@@ -278,3 +278,23 @@ def test_the_hint_without_a_mapping_agrees_with_the_proposal(tmp_path):
     with pytest.raises(InputError, match=f"perhaps {pairs}") as error:
         read_log(tmp_path / "log.csv", arm.joints)
     assert "0 for joint1, 1 for joint2" in str(error.value)
+
+
+@pytest.mark.parametrize(
+    ("name", "scale", "every"), [("time_ms", 1e3, 10), ("time [s]", 1.0, 25), ("t_us", 1e6, 1)]
+)
+def test_the_unit_of_time_in_a_name_decides_at_a_slow_rate(tmp_path, name, scale, every):
+    """10 Hz in ms, and 4 Hz in s, which as ms would be the usual 4 kHz."""
+    table = {name: np.round(LOG.t * scale, 3)} | {f"q_{joint}": q for joint, q in zip(UR.joints, LOG.q.T, strict=True)}
+    path, output = tmp_path / "log.csv", tmp_path / "map.toml"
+    write_table({column: values[::every] for column, values in table.items()}, path)
+    output.write_text(propose(path, UR).toml("log.csv"), encoding="utf-8")
+    np.testing.assert_allclose(read_log(path, UR.joints, output).t, LOG.t[::every], atol=1e-9)
+
+
+def test_a_name_with_a_number_is_exact_beside_one_without():
+    """SCARA: two joints with numbers and a slide."""
+    names = {f"q_{joint}": split(f"q_{joint}")[1] for joint in ("j1", "j2", "z")}
+    found = assign(names, ["j1", "j2", "z"])
+    assert found.how == "name"
+    assert found.columns == {"j1": "q_j1", "j2": "q_j2", "z": "q_z"}

@@ -2,6 +2,7 @@
 
 import json
 import re
+from dataclasses import replace
 
 import pytest
 from browser import needs_browser, opened
@@ -16,6 +17,7 @@ from frischid.model.comparison import compare
 from frischid.model.identification import identify
 from frischid.motions.simulation import Noise, simulate
 from frischid.motions.trajectory import random_fourier
+from frischid.reports.chapters import data, torque
 from frischid.reports.page import page, report
 from frischid.reports.study import study
 from frischid.robot.robot import Robot
@@ -171,3 +173,11 @@ def test_the_command_takes_two_models(steps, tmp_path, monkeypatch):
         assert refused.exit_code == 2
         assert said in " ".join(refused.stderr.split())
         assert not (tmp_path / "other.html").exists()
+
+
+def test_two_logs_of_one_name_have_each_its_role(steps):
+    first, _, _, logs = steps
+    found = study(first, [replace(log, source="simulated") for log in logs], diagnosed=False)
+    assert found.roles == ("fitted", "test")
+    for table in (data.content(found, "")["logs"], torque.content(found, "")["by_log"]):
+        assert [row[:2] for row in table.rows] == [["simulated", "fitted"], ["simulated", "test"]]

@@ -3,15 +3,17 @@
 import shlex
 from dataclasses import replace
 from pathlib import Path
+from types import SimpleNamespace
 
 import pytest
 from click.testing import CliRunner
 
 import frischid as fr
 from frischid.cli import main
+from frischid.diagnosis.contacts import Contact
 from frischid.model.alarms import Alarm, by_severity
 from frischid.reports.chapters import CHAPTERS
-from frischid.reports.chapters.verdict import content
+from frischid.reports.chapters.verdict import _cut, content
 from frischid.reports.commands import alone, check_command
 from frischid.reports.study import Study, study
 
@@ -103,3 +105,35 @@ def test_commands_of_a_model_of_some_joints(folder, monkeypatch):
     shown = study(model, fr.own_logs(model).logs)
     page = str(next(c for c in CHAPTERS if c.anchor == "verdict").html(shown, "model.json"))
     assert "frischid excite has no --torque-joints" in page
+
+
+def test_a_command_finds_the_robot_from_another_folder(folder, monkeypatch):
+    """The model names its robot's file relative to itself; the page names no folder of a machine."""
+    robot = fr.Robot.load("planar2")
+    (folder / "arm").mkdir()
+    Path("arm/robot.urdf").write_text(robot.urdf, encoding="utf-8")
+    written("log.csv", seconds=20.0, sign=-1.0)
+    words = "identify arm/robot.urdf log.csv --map 'my map.toml' --bbrf none -o model.json"
+    CliRunner().invoke(main, shlex.split(words))
+    assert fr.Model.load("model.json").robot.source == str(Path("arm/robot.urdf"))
+    monkeypatch.chdir(folder / "arm")
+    model = fr.Model.load("../model.json")
+    assert model.robot.source == "robot.urdf"
+    (folder / "elsewhere").mkdir()
+    monkeypatch.chdir(folder / "elsewhere")
+    model = fr.Model.load("../model.json")
+    done = CliRunner().invoke(main, shlex.split(check_command(model))[1:])
+    assert done.exit_code == 1, done.output
+    assert check_command(model, name=alone) == "frischid check robot.urdf log.csv --map 'my map.toml'"
+    model.save("again.json")
+    assert '"source": "../arm/robot.urdf"' in Path("again.json").read_text(encoding="utf-8")
+
+
+def test_the_part_that_nobody_touched_is_cut_with_the_mapping_of_its_log(folder):
+    written("log.csv")
+    log = fr.read_log("log.csv", fr.Robot.load("planar2").joints, "my map.toml")
+    touched = SimpleNamespace(contacts=[Contact(log.source, 6.0, 7.0, ("joint1",), 1.0)])
+    command = _cut(SimpleNamespace(logs=(log,)), touched)
+    assert command == "frischid cut log.csv --from 0.0 --until 6.0 --map 'my map.toml' -o log_untouched.csv"
+    done = CliRunner().invoke(main, shlex.split(command)[1:])
+    assert done.exit_code == 0, done.output

@@ -43,9 +43,8 @@ def content(study: Study, model_path: str) -> dict[str, Any]:
 
 def _logs(study: Study) -> Table:
     rows = []
-    for q in study.qualities:
+    for q, role in zip(study.qualities, study.roles, strict=True):
         short, long = (number(1e3 * s, 3) for s in q.steps)
-        role = "test" if q.source in study.held_out else "fitted"
         steps = short if short == long else f"{short} … {long}"
         figures_of_log = [str(q.samples), number(q.seconds), number(q.rate), steps, str(q.gaps), number(q.kept)]
         rows.append([Path(q.source).name, role, *figures_of_log])

@@ -16,6 +16,7 @@ from frischid.diagnosis.rivals import HOW_RANKED, IN_WORDS, command_for, pair_of
 from frischid.effects import EFFECTS
 from frischid.figures.style import number
 from frischid.reports.chapters.table import Table
+from frischid.reports.commands import alone
 from frischid.reports.study import Study, opened
 
 FINDING_CARDS = 6  # findings with a card; the others stand in the ranking
@@ -48,7 +49,7 @@ def content(study: Study, model_path: str) -> dict[str, Any]:
         "chances": [f"{IN_WORDS.get(k, k)} {percent(p)}" for k, p in _likely(diagnosis)],
         "notes": [sentence(note) for note in diagnosis.notes[1:] if note != shared and f"; {note}" not in said],
         "refused": study.refusals,
-        "separate": command_for(pair, robot),
+        "separate": command_for(pair, robot, alone),
         "separated": listed([f.effect for f in pair]),
         "how_ranked": HOW_RANKED if len(significant) > 1 else "",
         "cards": _cards(study, significant[:FINDING_CARDS], {frozenset(f.effect for f in pair)}),
@@ -98,7 +99,7 @@ def _card(study: Study, finding: Finding, other: str) -> dict[str, Any]:
     general = f". On other logs: {listed(kind.confused_with)}" if kind.confused_with else ""
     if study.diagnosis is not None:
         rival = [f for f in study.diagnosis.findings if f.effect == other and f.members]
-        card["separate"] = command_for([finding, *rival], study.model.robot)
+        card["separate"] = command_for([finding, *rival], study.model.robot, alone)
     plan = f" To plan a motion that distinguishes it from {other}:" if card["separate"] else ""
     above = "the error above the sensor noise on its joints"
     share = f"{above} is negligible" if finding.negligible else f"explains {finding.explains} of {above}"

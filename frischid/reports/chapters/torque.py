@@ -79,8 +79,7 @@ def _by_log(study: Study) -> Table | None:
     if len(study.by_log) < TWO:
         return None
     joints, rows = study.comparison.joints.names, []
-    for log, found in zip(study.logs, study.by_log, strict=True):
-        role = "test" if log.source in study.held_out else "fitted"
+    for log, role, found in zip(study.logs, study.roles, study.by_log, strict=True):
         errors = {name: f"{joint.nrmse:.4f}" for name, joint in found.joints.items()}
         rows.append([Path(log.source).name, role, *(errors.get(name, "–") for name in joints), f"{found.nrmse:.4f}"])
     return Table(["log", "role", *figures.short(joints), "mean"], rows, words=2, caption=BY_LOG_CAPTION)

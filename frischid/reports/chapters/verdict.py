@@ -21,7 +21,7 @@ from frischid.model.events import selection_errors
 from frischid.model.grade import between
 from frischid.model.headline import Headline, headline_of
 from frischid.model.own_logs import paths_of
-from frischid.reports.commands import alone, check_command, excite_command, tested_files, with_tests
+from frischid.reports.commands import alone, check_command, excite_command, tested_files, with_maps, with_tests
 from frischid.reports.study import Study
 
 LISTED = 4  # parameters named in a sentence; the table of parameters has the others
@@ -136,12 +136,14 @@ def _cut(study: Study, diagnosis: Diagnosis) -> str:
     start, end = (x - float(log.t[0]) for x in longest_untouched(log, diagnosis.contacts))
     name = Path(log.source)
     out = shlex.quote(f"{name.stem}_untouched.csv")
-    return f"frischid cut {shlex.quote(name.name)} --from {start:.1f} --until {end:.1f} -o {out}"
+    maps = with_maps([] if log.file is None else [log.file], alone)
+    return f"frischid cut {shlex.quote(name.name)} --from {start:.1f} --until {end:.1f}{maps} -o {out}"
 
 
 def _tests(study: Study) -> str:
     """Options that name the report's logs to which the model was not fitted."""
-    named = [log.file for log in study.logs if log.source in study.held_out and log.file is not None]
+    tested = [log for log, role in zip(study.logs, study.roles, strict=True) if role == "test"]
+    named = [log.file for log in tested if log.file is not None]
     return with_tests(named or tested_files(study.model), alone)
 
 
@@ -160,7 +162,7 @@ def _next(study: Study, model_path: str) -> list[dict[str, Any]]:
         found.append({"kind": "formula", "command": f"frischid studio {given}{logs}"})
     elif len(pair) == 2:
         effects = listed([f.effect for f in pair])
-        found.append({"kind": "separate", "effects": effects, "command": command_for(pair, robot)})
+        found.append({"kind": "separate", "effects": effects, "command": command_for(pair, robot, alone)})
     if best is not None:
         where = f" --joints {shlex.quote(','.join(best.joints))}" if best.joints else ""
         add = f"frischid add {given} {best.effect}{where}{logs}{_tests(study) if not logs else ''} -o {better}"
@@ -168,7 +170,7 @@ def _next(study: Study, model_path: str) -> list[dict[str, Any]]:
         found.append({"kind": "add", "effect": best.effect, "change": best.change, "command": add, "refused": refused})
     if study.weak:
         more = " …" * (len(study.weak) > LISTED)
-        plan = excite_command(study.model)
+        plan = excite_command(study.model, alone)
         names = ", ".join(study.weak[:LISTED]) + more
         found.append({"kind": "excite", "count": len(study.weak), "names": names, "command": plan})
     if not study.held_out:
