@@ -47,10 +47,10 @@ class Command(str):
 
 
 def own_markup(text: str) -> str:
-    """A text in which only the pages' own markup counts: brackets in names of files and joints stay in sight.
+    r"""A text in which only the pages' own markup counts: brackets in names of files and joints stay in sight.
 
     >>> own_markup("[bold]cut[old].csv[/bold]")
-    '[bold]cut\\\\[old].csv[/bold]'
+    '[bold]cut\\[old].csv[/bold]'
     """
     text = FOREIGN_TAG.sub(r"\\[", text)
     try:

@@ -63,7 +63,7 @@ def find_logs(patterns: Sequence[str]) -> list[LogPath]:
     ['r017', 'r017', 'r018']
     """
     found: dict[str, str] = {}
-    shared = os.path.commonprefix([_plain(p) for p in patterns if _is_name(p)])
+    shared = os.path.commonprefix([_plain(p) for p in patterns if _is_name(p)])  # noqa: RUF071 (cut at a slash below)
     for pattern in patterns:
         addresses = _matches(pattern.replace(_ROBOT, "*"))
         if not addresses:

@@ -280,9 +280,7 @@ def test_the_hint_without_a_mapping_agrees_with_the_proposal(tmp_path):
     assert "0 for joint1, 1 for joint2" in str(error.value)
 
 
-@pytest.mark.parametrize(
-    ("name", "scale", "every"), [("time_ms", 1e3, 10), ("time [s]", 1.0, 25), ("t_us", 1e6, 1)]
-)
+@pytest.mark.parametrize(("name", "scale", "every"), [("time_ms", 1e3, 10), ("time [s]", 1.0, 25), ("t_us", 1e6, 1)])
 def test_the_unit_of_time_in_a_name_decides_at_a_slow_rate(tmp_path, name, scale, every):
     """10 Hz in ms, and 4 Hz in s, which as ms would be the usual 4 kHz."""
     table = {name: np.round(LOG.t * scale, 3)} | {f"q_{joint}": q for joint, q in zip(UR.joints, LOG.q.T, strict=True)}
