@@ -56,7 +56,7 @@ from frischid.fleet.shared_fit import SharedFit, shared_fit, with_spread
 from frischid.logs.cutoff_choice import LogSpectra
 from frischid.logs.filters import LowPass
 from frischid.logs.mapping import LogMap
-from frischid.logs.summary import keep
+from frischid.logs.summary import lock_absent
 from frischid.model.identify_options import PRIORS
 from frischid.model.model import Model
 from frischid.regression.base_parameters import Reduction
@@ -223,7 +223,7 @@ def _job(
             f"the logs share no joint with the robot; joints of the robot are {', '.join(robot.joints)}; "
             f"the logs hold {', '.join(good[0].joints)}"
         )
-    kept = keep(robot, held)
+    kept = lock_absent(robot, held)
     have = [n for n in held if sum(n in x.torques for x in good) > most]
     fitted = [n for n in (rows or have) if n in held]
     if not fitted:

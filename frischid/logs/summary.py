@@ -122,7 +122,7 @@ def held_by(robot: Robot, logs: Sequence[Data]) -> tuple[Robot, list[str]]:
             * (len(logs) > 1)
         )
     _refuse_torque_without_position(robot, held, heads)
-    kept = _where_they_stand(keep(robot, held), robot.locked, heads)
+    kept = _where_they_stand(lock_absent(robot, held), robot.locked, heads)
     by_angle: dict[str, list[str]] = {}
     for name, angle in kept.locked.items():
         why = "" if name in robot.locked else " (not every log has the position; --lock JOINT=ANGLE sets another angle)"
@@ -130,7 +130,7 @@ def held_by(robot: Robot, logs: Sequence[Data]) -> tuple[Robot, list[str]]:
     return kept, [f"locked at {angle}: {', '.join(names)}" for angle, names in by_angle.items()]
 
 
-def keep(robot: Robot, held: Sequence[str]) -> Robot:
+def lock_absent(robot: Robot, held: Sequence[str]) -> Robot:
     """The robot with all joints locked that are not `held`.
 
     Raises
