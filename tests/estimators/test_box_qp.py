@@ -1,6 +1,6 @@
 import numpy as np
 import pytest
-from hypothesis import given, settings
+from hypothesis import example, given, settings
 from hypothesis import strategies as st
 from scipy.optimize import lsq_linear
 
@@ -28,6 +28,7 @@ def moments_of(W, tau):
 
 
 @given(st.integers(0, 2**32 - 1), st.sampled_from([0.0, 1e-4, 0.1]))
+@example(107638378, 0.0)  # a mixing matrix of condition 1e6, so moments of 4e12
 @settings(deadline=None, max_examples=60)
 def test_equals_bvls(seed, ridge):
     W, tau, theta, units = problem(seed)
@@ -35,8 +36,12 @@ def test_equals_bvls(seed, ridge):
     lower = theta + rng.uniform(-1, 0.5, len(theta)) / units
     upper = lower + rng.uniform(0.01, 1, len(theta)) / units
     upper[0], lower[1] = np.inf, -np.inf
-    found = select(moments_of(W, tau), Box(names_of(6), lower, upper), ridge)
-    norms = np.linalg.norm(W, axis=0)
+    moments, box, norms = moments_of(W, tau), Box(names_of(6), lower, upper), np.linalg.norm(W, axis=0)
+    if ridge == 0.0 and np.linalg.cond(moments[:6, :6] / np.outer(norms, norms)) > module.CONDITION_LIMIT:
+        with pytest.raises(IdentifiabilityError, match="pass a small ridge"):
+            select(moments, box)
+        return
+    found = select(moments, box, ridge)
     extended = np.vstack([W, np.sqrt(ridge) * np.diag(norms)]) / norms  # bvls needs columns of one size too
     expected = lsq_linear(
         extended, np.append(tau, np.zeros(6)), (lower * norms, upper * norms), method="bvls", tol=1e-14
