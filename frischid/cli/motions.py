@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from typing import Any
+from typing import TYPE_CHECKING, Any
 
 import click
 
@@ -23,6 +23,9 @@ from frischid.cli.inputs import load
 from frischid.cli.output import elsewhere, show_page, working
 from frischid.cli.paths import InputPath, OutputPath
 from frischid.errors import InputError
+
+if TYPE_CHECKING:
+    from frischid.effects import Effect
 
 
 @main.command()
@@ -170,7 +173,6 @@ def excite(
     determine the drives best.
     """
     from frischid.cli.pages import motions as show
-    from frischid.effects import parse_effects
     from frischid.model.drive_excitation import DRIVES_FAMILY, plan_for_drives
     from frischid.motions.chirps import check_command_rate
     from frischid.motions.collision import Clearance
@@ -195,11 +197,7 @@ def excite(
     machine, _ = load(robot, RobotArguments(**options))
     check_file(output, machine.joints, rate)
     pose = None if home is None else checked_home(machine, home_of(home, len(machine.joints))).tolist()
-    pair = () if separate is None else parse_effects(separate, complete=True)
-    if separate is not None and len(pair) != 2:
-        raise InputError(
-            f"--separate '{separate}' must name two effects, for example stribeck@joint2,hysteresis@joint2"
-        )
+    pair = () if separate is None else pair_of(separate)
     wanted = PlanOptions(
         duration=duration,
         family=family,
@@ -232,6 +230,16 @@ def excite(
 
         figures.save(picture, figures.animated(planned, machine), figures.excitation(planned))
     show_page(show.excitation(planned, motion, output, picture, apart or narrower), as_json)
+
+
+def pair_of(text: str) -> tuple[Effect, ...]:
+    """The two effects of ``--separate``."""
+    from frischid.effects import parse_effects
+
+    pair = parse_effects(text, complete=True)
+    if len(pair) != 2:
+        raise InputError(f"--separate '{text}' must name two effects, for example stribeck@joint2,hysteresis@joint2")
+    return pair
 
 
 def home_of(text: str, count: int) -> list[float]:
