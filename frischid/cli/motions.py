@@ -197,7 +197,7 @@ def excite(
     machine, _ = load(robot, RobotArguments(**options))
     check_file(output, machine.joints, rate)
     pose = None if home is None else checked_home(machine, home_of(home, len(machine.joints))).tolist()
-    pair = () if separate is None else pair_of(separate)
+    pair = () if separate is None else two_effects(separate)
     wanted = PlanOptions(
         duration=duration,
         family=family,
@@ -232,7 +232,7 @@ def excite(
     show_page(show.excitation(planned, motion, output, picture, apart or narrower), as_json)
 
 
-def pair_of(text: str) -> tuple[Effect, ...]:
+def two_effects(text: str) -> tuple[Effect, ...]:
     """The two effects of ``--separate``."""
     from frischid.effects import parse_effects
 

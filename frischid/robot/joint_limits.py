@@ -16,7 +16,7 @@ import numpy as np
 from frischid.core.types import Array
 
 LARGEST_LIMIT = 1e6
-"""A position, velocity or effort of this size or more (rad, m, s, N·m, N) is a placeholder; no robot has it."""
+"""A position (rad, m), velocity (rad/s, m/s) or effort (N·m, N) as large as this is a placeholder; no robot has it."""
 
 
 @dataclass(frozen=True)
