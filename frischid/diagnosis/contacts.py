@@ -82,22 +82,44 @@ def find_contacts(validator: CrossValidator, floor: Array) -> list[Contact]:
     -------
     list of Contact
     """
+    found, rest, theta = _trimmed(validator, floor)
+    strongest = max((c.strength for c in found if 2 * len(c.joints) > len(validator.joints)), default=0.0)
+    if strongest <= validator.criteria.strong_push and not _stands_out(validator, rest, floor, theta):
+        return []
+    return [] if _return(validator, rest, found) else found
+
+
+def bursts_of(validator: CrossValidator, floor: Array) -> list[Contact]:
+    """Bursts that do not return with the motion, whatever share of the error they hold.
+
+    Parameters
+    ----------
+    validator, floor
+        As in `find_contacts`.
+    """
+    found, rest, _ = _trimmed(validator, floor)
+    return [] if _return(validator, rest, found) else found
+
+
+def _trimmed(validator: CrossValidator, floor: Array) -> tuple[list[Contact], CrossValidator, Array]:
+    """Bursts, none where they are too long; the fit without them; and the robust parameters that show them."""
     found: list[Contact] = []
     rest, unit = validator, np.maximum(floor, validator.criteria.smallest_error * validator.spread)
     for _ in range(_ROUNDS):
         theta = robust_parameters(rest, unit)
         new = _bursts(validator, rest, theta, unit)
         if not _short(validator, new):
-            return []
+            return [], validator, theta
         if stretches(new) == stretches(found):
             break
         found = new
         rest = validator.without(stretches(found))
-    criteria = validator.criteria
-    strongest = max((c.strength for c in found if 2 * len(c.joints) > len(validator.joints)), default=0.0)
-    if strongest <= criteria.strong_push and not _stands_out(validator, rest, floor, theta):
-        return []
-    return found if returning_share(validator, rest, stretches(found)) <= criteria.returning_share else []
+    return found, rest, theta
+
+
+def _return(validator: CrossValidator, rest: CrossValidator, found: Sequence[Contact]) -> bool:
+    """Whether bursts return with the state of their joint."""
+    return returning_share(validator, rest, stretches(found)) > validator.criteria.returning_share
 
 
 def _short(validator: CrossValidator, found: Sequence[Contact]) -> bool:

@@ -115,7 +115,7 @@ def improve(
     check_logs(logs, valid)
     model.check([*logs, *valid])
     progress("reading logs")
-    situation, found, _ = decided_situation(model, logs, situation, criteria, valid=valid)
+    situation, found, *_ = decided_situation(model, logs, situation, criteria, valid=valid)
     if situation == "changed" and found is not None and max_steps:
         steps = _before_change(model, found, valid, effects, criteria, progress)
         model = steps[-1].model if steps else model

@@ -9,6 +9,7 @@ it is shown with:
     effects that the own logs show (`decided_situation`). If not, the own logs that are found again select, and the
     given ones test. If it changed, the given logs select, because the change is in them. What was always missing acts
     in them too. So the search for the change starts from the model with the effects that its own logs show (`before`).
+    Where something touched an unchanged robot in the given logs, these logs select: the own ones do not show that.
 3.  Where no own log is found, the given ones select, and a note says what they cannot show.
 
 `frischid.diagnosis.diagnosis.diagnose` itself takes the roles as they are given to it.
@@ -22,9 +23,12 @@ from typing import NamedTuple
 
 from frischid.core.parallel import Workers
 from frischid.core.text import listed, percent
+from frischid.diagnosis.contacts import bursts_of, find_contacts
 from frischid.diagnosis.criteria import DIAGNOSIS_CRITERIA, DiagnosisCriteria
+from frischid.diagnosis.cross_validation import CrossValidator
 from frischid.diagnosis.diagnosis import Diagnosis, diagnose
 from frischid.diagnosis.findings import Finding
+from frischid.diagnosis.floor import Floor
 from frischid.diagnosis.refit import refitted
 from frischid.diagnosis.situation import Situation, SituationOption, cross_validator, of_the_training_logs
 from frischid.errors import InputError
@@ -38,6 +42,12 @@ from frischid.model.comparison import compare
 from frischid.model.headline import headline
 from frischid.model.model import Model
 from frischid.model.own_logs import own_logs
+
+
+_TOUCHED = (
+    "something touched the robot in the given logs, so these logs select; else they show only the error that the "
+    "model's own logs show too"
+)
 
 
 class Roles(NamedTuple):
@@ -76,11 +86,14 @@ class Decided(NamedTuple):
         On the model's own logs, with the others as test; None where no own log was found or needed.
     before : Model
         The model with the effects that its own logs show; the model itself where they show none.
+    touched : bool
+        Whether the logs of a robot that has not changed show bursts, as of a touch, which the own logs do not have.
     """
 
     situation: Situation
     found: Diagnosis | None
     before: Model
+    touched: bool = False
 
 
 def decided_situation(
@@ -121,8 +134,25 @@ def decided_situation(
     if found is None or found.fit is None:
         return Decided(seen, found, before)
     expected = {joint.name: joint.expected for joint in compare(before, logs).joints}
-    same = of_the_training_logs(found.fit, validator, effects, expected)
-    return Decided("always" if same else "changed", found, before)
+    if not of_the_training_logs(found.fit, validator, effects, expected):
+        return Decided("changed", found, before)
+    return Decided("always", found, before, _touched(model, own, logs, validator, criteria))
+
+
+def _touched(
+    model: Model,
+    own: Sequence[Log | Recording],
+    logs: Sequence[Log | Recording],
+    validator: CrossValidator,
+    criteria: DiagnosisCriteria,
+) -> bool:
+    """Whether bursts stand out in some logs, and are the only ones of these logs and the model's own together."""
+    if not find_contacts(validator, Floor.of(validator).noise):
+        return False
+    every = [excerpt(log).log for log in (*own, *logs)]
+    both, _ = cross_validator(model, every, "always", criteria=criteria)
+    here, found = {log.source for log in logs}, bursts_of(both, Floor.of(both).noise)
+    return bool(found) and all(burst.source in here for burst in found)
 
 
 def logs_before_change(model: Model, valid: Sequence[Log | Recording] = ()) -> tuple[Log | Recording, ...]:
@@ -166,7 +196,11 @@ def roles(
     own = tuple(log for log in logs if model.made_from(log))
     diagnosis = None
     if situation == "changed" or (situation == "auto" and not own):
-        situation, diagnosis, before = decided_situation(model, logs, situation, criteria, valid=valid)
+        situation, diagnosis, before, touched = decided_situation(model, logs, situation, criteria, valid=valid)
+        if touched:
+            here = diagnose(model, logs, valid=valid, situation="always", criteria=criteria)
+            if here.verdict == "contact":
+                return Roles(tuple(logs), tuple(valid), situation, _TOUCHED, here)
     if situation == "changed":
         if diagnosis is None or before is model:
             return Roles(tuple(logs), tuple(valid), situation, "")

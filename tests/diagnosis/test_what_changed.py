@@ -95,6 +95,28 @@ def test_an_error_that_the_own_logs_have_too_is_no_change(tmp_path):
     for seed in (3, 6):
         new = [saturated(log_of(seed, ""))]
         assert decided_situation(model, new).situation == "always"
+        assert not decided_situation(model, new).touched, "its bursts are those of the own logs"
+
+
+def test_a_small_push_beside_a_large_error_of_the_own_logs_is_found(tmp_path):
+    def bound(log: Log) -> Log:
+        """The log of an arm with a cable between both joints."""
+        tau = np.array(log.tau)
+        tau[:, 1] += 0.45 * np.tanh(3 * log.q[:, 0] * log.q[:, 1])
+        return replace(log, tau=tau)
+
+    for seed in (1, 2):
+        write_log(bound(log_of(seed, "")), tmp_path / f"log{seed}.parquet")
+    own = [read_log(tmp_path / f"log{k}.parquet", PLANAR2.joints) for k in (1, 2)]
+    model = identify(PLANAR2, own, recursion="none").model
+    for seed, situation in ((3, "changed"), (5, "always")):
+        log = bound(log_of(seed, ""))
+        assert decided_situation(model, [log])[::3] == ("always", False)
+        assert decided_situation(model, [pushed(log)])[::3] == (situation, situation == "always")
+        found = diagnose_in_roles(model, [pushed(log)], valid=[log_of(6, "")])
+        assert (found.situation, found.verdict) == (situation, "contact")
+        assert [round(c.start) for c in found.contacts] == [5, 15]
+        assert any("so these logs select" in note for note in found.notes) == (situation == "always")
 
 
 def test_a_joint_that_sticks_as_it_reverses_is_no_change(tmp_path):
