@@ -43,7 +43,6 @@ from frischid.model.headline import headline
 from frischid.model.model import Model
 from frischid.model.own_logs import own_logs
 
-
 _TOUCHED = (
     "something touched the robot in the given logs, so these logs select; else they show only the error that the "
     "model's own logs show too"
