@@ -7,9 +7,11 @@ from types import SimpleNamespace
 
 import pytest
 from click.testing import CliRunner
+from rich.text import Text
 
 import frischid as fr
 from frischid.cli import main
+from frischid.cli.pages.page import alarm_lines
 from frischid.diagnosis.contacts import Contact
 from frischid.model.alarms import Alarm, by_severity
 from frischid.reports.chapters import CHAPTERS
@@ -48,6 +50,14 @@ def test_the_next_command_names_the_test_log_and_its_mapping(folder):
     done = CliRunner().invoke(main, [*shlex.split(line)[1:], "--try", "joint_spring"])
     assert done.exit_code in (0, 1), done.output
     assert "on logs it was not fitted to" in " ".join(done.stdout.split())
+
+
+def test_the_output_calls_a_doubt_a_doubt():
+    lines = alarm_lines([Alarm("log-too-short", "severe", "", ""), Alarm("faster-than-fitted", "doubt", "", "")])
+    assert [Text.from_markup(line).plain.split(":")[0] for line in lines] == [
+        "ALARM log-too-short",
+        "DOUBT faster-than-fitted",
+    ]
 
 
 def test_a_faulty_log_is_checked_first(folder):

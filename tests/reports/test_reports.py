@@ -495,13 +495,25 @@ def test_a_model_with_a_severe_alarm_has_no_grade():
     assert replace(fair, alarms=(alarm,)).grade == "–"
 
 
+def test_no_grade_is_given_a_reason_that_holds_for_every_severe_alarm():
+    fair = Headline(0.02, "test", 0.019, 0.5, 1.0, ("a",), {"one": 0.02})
+    for name in ("worse-than-constant", "faulty-log", "held-out-error"):
+        said = replace(fair, alarms=(Alarm(name, "severe", "", ""),)).grade_in_words
+        assert "another motion" not in said, f"{name} may speak of the motion of these logs"
+        assert "an alarm" in said
+
+
 def test_the_title_counts_alarms_before_warnings(spring):
     shown = spring[1]
     alarm = Alarm("log-too-short", "severe", "The log is short.", "Record a longer one.", (), None, 1.0)
     alarmed = replace(shown, headline=replace(shown.headline, alarms=(alarm,)))
     warned = len(shown.warnings())
     assert warned
-    assert f"<small>1 alarm and {warned} warning{'s' * (warned > 1)}</small>" in page(alarmed, "model.json")
+    told = f"{warned} warning{'s' * (warned > 1)}</small>"
+    assert f"<small>1 alarm and {told}" in page(alarmed, "model.json")
+    doubt = replace(alarm, id="faster-than-fitted", severity="doubt")
+    both = replace(shown, headline=replace(shown.headline, alarms=(alarm, doubt)))
+    assert f"<small>1 alarm, 1 doubt and {told}" in page(both, "model.json"), "the page calls a doubt a doubt"
 
 
 def test_names_of_joints_cannot_leave_the_picture():
