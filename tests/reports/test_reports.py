@@ -435,6 +435,16 @@ def test_every_number_of_the_table_of_parameters_is_the_models(spring):
         assert ("impossible sign" in cells[column.name][-2]) == (column.name in shown.impossible)
 
 
+def test_the_parameters_do_not_contradict_the_verdict_on_signs(spring):
+    shown, says = spring[1], "judges signs by the errors of the fit with the URDF as a prior"
+    assert says not in chapter("parameters", shown)
+    doubt = Alarm("impossible-sign", "doubt", "The logs would give fv1 (3.4 s.e.).", "")
+    estimate = replace(shown.model.estimate, theta=np.abs(shown.model.estimate.theta))  # none is impossible
+    model = replace(shown.model, estimate=estimate, standard=None)
+    alarmed = replace(shown, model=model, headline=replace(shown.headline, alarms=(doubt,)))
+    assert says in chapter("parameters", alarmed)
+
+
 def test_the_open_table_holds_the_parameters_that_differ_most_from_the_urdf(spring):
     shown, e = spring[1], spring[1].model.estimate
     rows = re.findall(r"<tr>(.*?)</tr>", chapter("parameters", shown).split("<tbody>")[1].split("</tbody>")[0])

@@ -116,8 +116,8 @@ def table_of(*columns: str, title: str | None = None, droppable: Sequence[str] =
 
 
 def figure(x: float) -> str:
-    """Four digits, or a dash."""
-    return "–" if not np.isfinite(x) else f"{x:.4g}"
+    """Four digits, or a dash; no zero has a sign."""
+    return "–" if not np.isfinite(x) else f"{x + 0.0:.4g}"
 
 
 def plain(x: float) -> float | None:
