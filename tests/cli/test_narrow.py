@@ -19,6 +19,7 @@ from frischid.cli.narrow import Command, Wide
 from frischid.cli.narrow import fitted as pieces_of
 from frischid.cli.pages.checking import _clock
 from frischid.cli.pages.page import figure
+from frischid.effects import parse_effects
 from frischid.logs.readers import write_log
 from frischid.motions.simulation import simulate
 from frischid.motions.trajectory import random_fourier
@@ -162,6 +163,16 @@ def test_no_command_breaks_a_number_or_a_word(line, practice, monkeypatch):
     assert done.exit_code in (0, 1), done.output  # an alarm ends with 1
     (page,) = pages
     assert_whole(page)
+
+
+def test_every_effect_that_a_help_text_shows_is_one_that_can_be_typed():
+    found = []
+    for name in main.commands:
+        shown = CliRunner().invoke(main, [name, "--help"], terminal_width=1000).output
+        found += re.findall(r"[\w(=.),@]*\w+\([a-z_]+=[\w.]+\)(?:[\w,]*@\w+)?", shown)
+    assert len(found) > 3
+    for text in found:
+        assert parse_effects(text), text
 
 
 @pytest.mark.parametrize("width", [60, 80])
