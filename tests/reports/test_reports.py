@@ -519,6 +519,9 @@ def test_the_title_counts_alarms_before_warnings(spring):
     alarmed = replace(shown, headline=replace(shown.headline, alarms=(alarm,)))
     warned = len(shown.warnings())
     assert warned
+    use = "First do what the alarm says. When no alarm is left, use the model"
+    assert use in page(replace(alarmed, proposed=None), "model.json")
+    assert use not in page(replace(shown, proposed=None), "model.json")
     told = f"{warned} warning{'s' * (warned > 1)}</small>"
     assert f"<small>1 alarm and {told}" in page(alarmed, "model.json")
     doubt = replace(alarm, id="faster-than-fitted", severity="doubt")
