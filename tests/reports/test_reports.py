@@ -529,6 +529,18 @@ def test_the_title_counts_alarms_before_warnings(spring):
     assert f"<small>1 alarm, 1 doubt and {told}" in page(both, "model.json"), "the page calls a doubt a doubt"
 
 
+def test_long_names_are_told_apart_in_the_picture_and_hide_no_number():
+    text, machine = Robot.load("ur10").urdf, Robot.load("ur10")
+    for name in machine.joints:
+        text = text.replace(f'"{name}"', f'"left_arm_of_the_second_cell_{name}_with_harmonic_drive"')
+    machine = replace(machine, urdf=text)
+    svg = robot_picture(machine, np.zeros(6), dict.fromkeys(machine.joints, (2.457, 0.01, 1.0)))
+    labels = re.findall(r"<text[^>]*>([^<]*)</text>", svg)
+    assert len(set(labels)) == 6
+    assert "elbow: 245.7 %" in labels
+    assert all(len(label) < 27 for label in labels)
+
+
 def test_names_of_joints_cannot_leave_the_picture():
     hostile = Robot.load("planar2").urdf.replace("joint1", "&lt;/svg&gt;&lt;script&gt;x()&lt;/script&gt;")
     machine = replace(Robot.load("planar2"), urdf=hostile)
