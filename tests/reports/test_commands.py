@@ -103,6 +103,27 @@ def test_the_report_names_its_test_log_and_fills_in_the_check(folder):
     assert check_command(model, name=alone) == "frischid check planar2 log.csv"
 
 
+def test_the_report_on_a_changed_robot_names_the_log_with_the_change(folder):
+    """The command had said LOG... and no mapping file: copied, it was refused."""
+    written("log.csv", seconds=20.0)
+    identified()
+    model, robot = fr.Model.load("model.json"), fr.Robot.load("planar2")
+    body = {"effects": fr.parse_effects("payload@joint2"), "parameters": {"dm2": 3.0, "dmx2": 1.5}}
+    motion = fr.random_fourier(robot, 20.0, seed=2)
+    loaded = fr.simulate(robot, motion, rate=50.0, noise=fr.Noise(tau=0.01), seed=2, **body)
+    fr.write_log(loaded, "with a body.csv")
+    text = Path("with a body.csv").read_text(encoding="utf-8")
+    Path("with a body.csv").write_text(text.replace("t,", "stamp,", 1), encoding="utf-8")
+    log = fr.read_log("with a body.csv", robot.joints, "my map.toml")
+    shown = study(model, [log])
+    assert shown.diagnosis.situation == "changed"
+    (add,) = [x["command"] for x in content(shown, "model.json")["next"] if " add " in x["command"]]
+    assert add.startswith("frischid add model.json payload --joints joint2 'with a body.csv' --map 'my map.toml' -o")
+    done = CliRunner().invoke(main, shlex.split(add)[1:])
+    assert done.exit_code in (0, 1), done.output
+    assert "payload" in done.stdout
+
+
 def test_commands_of_a_model_of_some_joints(folder, monkeypatch):
     written("log.csv")
     _, page = identified("--torque-joints joint1")
