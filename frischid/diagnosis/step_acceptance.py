@@ -82,8 +82,8 @@ def reason_against(validator: CrossValidator, effects: Sequence[Effect]) -> str:
     if worse:
         return f"{_named(validator.joints, worse, *sums)} would become worse"
     ratio = np.log(np.maximum(sums[1], 1e-300) / np.maximum(sums[0], 1e-300))
-    shares = [np.stack(each[row]) / max(sums[0][row], 1e-300) for row in candidate.columns]
-    if not falls_by_chance(*(np.sum(shares, axis=0) * [[-1.0], [1.0]]), criteria) < criteria.block_p_value:
+    rise, energy = np.sum([np.stack(each[row]) / max(sums[0][row], 1e-300) for row in candidate.columns], axis=0)
+    if not falls_by_chance(-rise, energy, criteria) < criteria.block_p_value:
         return (
             f"the error of {listed([validator.joints[row] for row in candidate.columns])} does not fall consistently "
             "over blocks of time"
