@@ -105,7 +105,7 @@ map_option = click.option(
 )
 effects_option = click.option(
     "--effects",
-    help="Effects besides the rigid links, for example 'viscous,coulomb(width=0.01),offset@joint1+joint2'.",
+    help="Effects besides the rigid links, for example 'viscous,coulomb(width=0.01),offset@joint2'.",
 )
 
 

@@ -77,7 +77,10 @@ def info(robot: str | None, effects: str | None, as_json: bool, **options: Any) 
 @click.option(
     "--estimator",
     default="wls",
-    help="wls, ols, frisch (the paper's eq. 24), frisch_squared, sensorwise, eiv, iv, output_error (simulated motion).",
+    help="wls (least squares, each joint weighted by its residual), ols (without weights), sensorwise (bounds from the "
+    "noise of the sensors), eiv (errors in variables), iv (instrumental variables), output_error (fits the simulated "
+    "motion), frisch (a point of the classical Frisch box, the paper's eq. 24), or frisch_squared (least squares in "
+    "that box).",
 )
 @click.option(
     "--horizon",
@@ -89,12 +92,19 @@ def info(robot: str | None, effects: str | None, as_json: bool, **options: Any) 
     type=click.Choice(["urdf", "none"]),
     help="Use the URDF's links as a prior (urdf) or not (none). Default: urdf with the estimator wls, else none.",
 )
-@click.option("--bbrf", default="strict", help="Bounding-box recursion: strict, undo, calibrated, or none.")
-@click.option("--window", type=int, help="BBRF window, rows.")
+@click.option(
+    "--bbrf",
+    default="strict",
+    help="Bounding-box recursion (BBRF): bounds from many short windows of the logs. strict (the paper's), undo "
+    "(leaves out a window that would empty the box), calibrated (widens the box of each window by its sampling error), "
+    "or none.",
+)
+@click.option("--window", type=int, help="Rows in each window of the bounding-box recursion.")
 @click.option(
     "--scheduler",
     metavar="ADDRESS",
-    help="Treat the logs as those of a fleet and sum their moments on a Dask scheduler (its address, local, or none).",
+    help="Read the logs in parallel, as those of a fleet: on a Dask scheduler (tcp://host:8786), on this machine's "
+    "cores (local), or in one process (none).",
 )
 @click.option("--force", is_flag=True, help="Identify although the log check found errors.")
 @click.option("--parameters", is_flag=True, help="List the parameters with their errors and bounds.")

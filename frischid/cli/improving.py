@@ -103,7 +103,7 @@ def add(
 ) -> None:
     """Add an effect to a model, refit, and show the errors.
 
-    EFFECT is written as for `identify --effects`: stribeck(v_s=0.1)@joint3. Without LOGS, the logs that the model was
+    EFFECT is written as for `identify --effects`: stribeck(speed=0.1)@joint3. Without LOGS, the logs that the model was
     fitted to are read again. The output says what the new model can be exported to.
     """
     from frischid.cli.pages import improving as show

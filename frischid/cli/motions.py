@@ -40,8 +40,8 @@ if TYPE_CHECKING:
 @effects_option
 @click.option("--set", "values", multiple=True, metavar="NAME=VALUE", help="True value of a parameter; repeatable.")
 @click.option("--noise-q", default=0.0, help="Noise of the positions, rad (m).")
-@click.option("--noise-v", default=0.0, help="Noise of the velocities.")
-@click.option("--noise-a", default=0.0, help="Noise of the accelerations.")
+@click.option("--noise-v", default=0.0, help="Noise of the velocities, rad/s (m/s).")
+@click.option("--noise-a", default=0.0, help="Noise of the accelerations, rad/s² (m/s²).")
 @click.option("--noise-tau", default=0.0, help="Noise of the torques, as a share of each joint's standard deviation.")
 @click.option("--quantum", default=0.0, help="Resolution of the encoders, rad (m).")
 @click.option("--channels", default="v,a", help="Derivatives in the log: v,a or v or none.")
@@ -115,7 +115,11 @@ def simulate(
     "--family",
     help="fourier (default), bspline, points (quintics), chirps (default with --drives), steps, or steps+chirps.",
 )
-@click.option("--criterion", help="condition (default), d_optimal, or paper (eq. 19).")
+@click.option(
+    "--criterion",
+    help="What the search makes small: condition (default; condition number of the "
+    "regressor), d_optimal (volume of the parameters' uncertainty), or paper (the paper's cost, eq. 19).",
+)
 @click.option("--limits", default=0.9, show_default=True, help="Share of the URDF's limits to use.")
 @click.option(
     "--floor", default="0", show_default=True, help="Height of the floor above the base, m; none: the base hangs."

@@ -165,11 +165,19 @@ def _row_by_row(cells: Sequence[Sequence[str]], width: int) -> list[RenderableTy
         for pair in (f"{c[0]} {c[row]}" for c in cells[1:] if c[row]):
             longer = f"{line}{PAIRS}{pair}" if line else f"  {pair}"
             if line and _most([longer]) > width:
-                lines.append(line)
+                lines += _below(line, width)
                 longer = f"  {pair}"
             line = longer
-        lines.append(line)
+        lines += _below(line, width)
     return lines
+
+
+def _below(line: str, width: int) -> list[RenderableType]:
+    """A line of pairs; what does not fit stands further to the right, where no new row can be taken for it."""
+    if _most([line]) <= width or width <= 4 * GAP:
+        return [line]
+    first, *others = Text.from_markup(line).wrap(Console(width=width), width - 2 * GAP)
+    return [first, *(Text(" " * 2 * GAP) + other for other in others)]
 
 
 def _width(sizes: Sequence[int]) -> int:

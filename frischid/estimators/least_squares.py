@@ -40,6 +40,15 @@ ROUNDING_SHARE = 1e-9  # share of a joint's torque below which a residual is rou
 LEAST_RELATIVE_RESIDUAL = 1e-3  # a joint's relative residual counts as at least this share of the median joint's
 
 
+ESTIMATOR_TITLES = {
+    "wls": "weighted least squares", "ols": "least squares", "map": "least squares with the URDF as a prior",
+    "frisch": "point of the Frisch box by eq. (24)", "frisch_squared": "least squares in the Frisch box",
+    "sensorwise": "sensor-wise Frisch scheme", "eiv": "errors in variables",
+    "iv": "instrumental variables", "output_error": "output error of the simulated motion",
+}  # fmt: skip
+"""Each estimator in words; `map` is `wls` with a prior."""
+
+
 @dataclass(frozen=True, eq=False)
 class Estimate:
     """Estimated parameters and their uncertainty.

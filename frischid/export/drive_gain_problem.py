@@ -180,7 +180,10 @@ class GainProblem:
             np.array([*(0 for _ in effects), *[1] * J], dtype=int),
         )
         found = consistent(x, information, mapping, links, extras)
-        remark = "no physical robot and payload reproduce these logs within their bounds (frischid diagnose)"
+        remark = (
+            "do not use the physical gains: no robot whose links can exist, with this payload, reproduces these logs "
+            "within their bounds. An effect may be missing (frischid diagnose)"
+        )
         return 1.0 / found.theta[-J:], [] if found.reproduces else [remark]
 
     def _payload_prior(self) -> Array:

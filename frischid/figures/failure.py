@@ -69,7 +69,7 @@ def matrix(comparison: Comparison) -> Drawing:
         reading += " Blank: too few samples."
     return drawing(
         "Error under each condition, as a multiple of the joint's average (* more than chance, p < 0.01)",
-        reading, figure, 90 + 30 * max(len(order), 2), margin={"l": 116, "r": 8, "t": 10, "b": 70},
+        reading, figure, 108 + 30 * max(len(order), 2), margin={"l": 116, "r": 8, "t": 28, "b": 70},
     )  # fmt: skip
 
 

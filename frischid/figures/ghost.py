@@ -27,6 +27,7 @@ from frischid.figures.style import (
     plain,
     short,
     thinned,
+    units_among,
 )
 
 if TYPE_CHECKING:
@@ -52,7 +53,8 @@ def ghost(beside: SimulatedBeside, robot: Robot) -> Drawing:
     stable = np.flatnonzero(np.isfinite(beside.simulated).all(axis=1))
     samples = stable[:: max(1, -(-len(stable) // GHOST_POSES))]
     both = [[links_of(robot, q[k]) for q in (beside.measured, beside.simulated)] for k in samples]
-    angle = best_view(np.concatenate([x[np.isfinite(x[:, 0])] for x in both[0]]))
+    poses = [*both[0], *both[len(both) // 2]]  # a sliding axis at its zero is a point, which has no best view
+    angle = best_view(np.concatenate([x[np.isfinite(x[:, 0])] for x in poses]))
     flat = [[view(x, angle) for x in pair] for pair in both]
     figure = go.Figure(_robots(flat[0]))
     figure.frames = [
@@ -78,9 +80,9 @@ def ghost(beside: SimulatedBeside, robot: Robot) -> Drawing:
         "The simulated robot beside the measured one",
         "Blue: the measured positions. Orange and transparent: the positions that the model reaches from the same "
         f"start, {'with the same commands' if beside.closed else 'under the recorded torque'}.",
-        figure, 515, xaxis=axes[0], yaxis={**axes[1], "scaleanchor": "x"},
-        updatemenus=[{**menu, "buttons": buttons, "showactive": False, "pad": {"t": 84}}], sliders=[slider],
-        margin={"l": 64, "r": 12, "t": 34, "b": 165},
+        figure, 527, xaxis=axes[0], yaxis={**axes[1], "scaleanchor": "x"},
+        updatemenus=[{**menu, "buttons": buttons, "showactive": False, "pad": {"t": 96}}], sliders=[slider],
+        margin={"l": 64, "r": 12, "t": 34, "b": 177},
     )  # fmt: skip
 
 
@@ -99,10 +101,10 @@ def _over_time(beside: SimulatedBeside, robot: Robot) -> Drawing:
     figure, error = go.Figure(), beside.simulated - beside.measured
     _joints(figure, beside.t, error, robot)
     figure.update_xaxes(title_text="time, s")
-    figure.update_yaxes(title_text="simulated − measured position, rad (m)")
+    figure.update_yaxes(title_text=f"simulated − measured position, {units_among(robot.prismatic)['q']}")
     each = ", ".join(f"{n} {number(x, 3)}" for n, x in zip(short(robot.joints), beside.rms.tolist(), strict=True))
     tip = number(float(np.sqrt((beside.errors[0, :, -1] ** 2).mean())), 3)
-    reading = f"Rms, rad (m): {each}. Rms distance at the tip: {tip} mm."
+    reading = f"Rms, {units_among(robot.prismatic)['q']}: {each}. Rms distance at the tip: {tip} mm."
     return drawing("Error of the simulated positions", reading, figure, 330)
 
 
@@ -119,7 +121,7 @@ def _over_horizon(beside: SimulatedBeside, robot: Robot) -> Drawing:
     _joints(figure, horizons, rms[0, :, :-1], robot, row=2, col=1)
     figure.update_xaxes(title_text="horizon, s", row=2, col=1)
     figure.update_yaxes(title_text="tip, mm", rangemode="tozero", row=1, col=1)
-    figure.update_yaxes(title_text="joints, rad (m)", rangemode="tozero", row=2, col=1)
+    figure.update_yaxes(title_text=f"joints, {units_among(robot.prismatic)['q']}", rangemode="tozero", row=2, col=1)
     starts = len(beside.t) // beside.length
     ends = [number(float(x), 3) for x in rms[:, -1, -1]]
     reading = (
@@ -143,12 +145,12 @@ def _joints(figure: go.Figure, t: Array, curves: Array, robot: Robot, **place: i
 
 
 def _robots(pair: list[Array]) -> list[Any]:
-    """The measured robot and the ghost in one pose."""
+    """The measured robot and the ghost in one pose; the joints are points, which a link without a length needs."""
     looks = (("measured", BLUE, 1.0, 6), ("simulated", VERMILION, GHOST, 11))
     return [
         go.Scatter(
-            x=plain(x[:, 0]), y=plain(x[:, 1]), name=name, mode="lines", opacity=seen, hoverinfo="skip",
-            line={"color": colour, "width": width},
+            x=plain(x[:, 0]), y=plain(x[:, 1]), name=name, mode="lines+markers", opacity=seen, hoverinfo="skip",
+            line={"color": colour, "width": width}, marker={"size": 1.7 * width},
         )
         for x, (name, colour, seen, width) in zip(pair, looks, strict=True)
     ]  # fmt: skip

@@ -21,7 +21,7 @@ if TYPE_CHECKING:
 
 POSES = 240
 """Largest number of poses in the animation: 0.1 s apart in 24 s, and half a megabyte for a robot of seven joints."""
-TALL = 620  # pixels of the animation
+TALL = 680  # pixels of the animation
 
 
 def excitation(plan: Plan, rate: float = 50.0) -> go.Figure:
@@ -49,13 +49,21 @@ def excitation(plan: Plan, rate: float = 50.0) -> go.Figure:
             )
         figure.update_yaxes(title_text=title, row=row, col=1)
         figure.update_xaxes(title_text="time, s", row=row, col=1)
-    best = np.minimum.accumulate(plan.history[:, 1])
+    # A search that spent its evaluations on the limits has no history: only the cost of its motion is known.
+    history = plan.history if len(plan.history) else np.array([[plan.evaluations, plan.cost]])
+    best = np.minimum.accumulate(history[:, 1])
     figure.add_scatter(
-        x=plan.history[:, 0], y=best, showlegend=False, line={"color": COLOURS[0], "shape": "hv"}, row=4, col=1
-    )
+        x=history[:, 0], y=best, mode="lines+markers", showlegend=False,
+        line={"color": COLOURS[0], "shape": "hv"}, row=4, col=1,
+    )  # fmt: skip
     figure.update_yaxes(title_text=plan.criterion, type="log" if (best > 0).all() else "linear", row=4, col=1)
     figure.update_xaxes(title_text="evaluations", row=4, col=1)
-    figure.update_layout(template="plotly_white", height=1100, margin={"l": 70, "r": 20, "t": 60, "b": 50})
+    # Titles and legend that begin at the left are whole on a narrow page too.
+    figure.update_annotations(x=0, xanchor="left", font_size=13)
+    below = {"orientation": "h", "x": 0, "y": -0.06, "yanchor": "top"}
+    figure.update_layout(
+        template="plotly_white", height=1100, margin={"l": 70, "r": 20, "t": 60, "b": 50}, legend=below
+    )
     return figure
 
 
@@ -93,8 +101,8 @@ def animated(plan: Plan, robot: Robot, rate: float = 50.0) -> go.Figure:
         template="plotly_white", height=TALL, margin={"l": 10, "r": 10, "t": 40, "b": 10}, title="the planned motion",
         scene={**axes, "aspectmode": "cube", "camera": {"eye": {"x": 1.1, "y": 1.1, "z": 0.6}}}, showlegend=False,
         updatemenus=[{"type": "buttons", "direction": "left", "x": 0, "y": 0, "xanchor": "left", "yanchor": "top",
-                      "buttons": buttons, "showactive": False, "pad": {"t": 30}}],
-        sliders=[{"steps": steps, "x": 0.16, "len": 0.84, "currentvalue": {"prefix": "time, s: "}, "ticklen": 0}],
+                      "buttons": buttons, "showactive": False, "pad": {"t": 96}}],
+        sliders=[{"steps": steps, "currentvalue": {"prefix": "time, s: "}, "ticklen": 0}],
     )  # fmt: skip
     return figure
 

@@ -9,7 +9,18 @@ import numpy as np
 import plotly.graph_objects as go
 
 from frischid.core.types import Array
-from frischid.figures.style import BLUE, COLOURS, MEASURED, Drawing, drawing, number, plain, short, units_of
+from frischid.figures.style import (
+    BLUE,
+    COLOURS,
+    MEASURED,
+    Drawing,
+    drawing,
+    number,
+    plain,
+    short,
+    units_among,
+    units_of,
+)
 from frischid.robot.robot import Robot
 
 if TYPE_CHECKING:
@@ -34,8 +45,7 @@ def reach(robot: Robot, logs: Sequence[Quality]) -> Drawing:
             x=plain(x.ravel()), y=y, mode="lines+markers", name=name, line={"color": colour, "width": width},
             marker={"symbol": "line-ns-open", "size": 12, "color": colour},
         )  # fmt: skip
-    unit = "rad" if not robot.prismatic.any() else "rad (m)"
-    figure.update_xaxes(title_text=f"position, {unit}")
+    figure.update_xaxes(title_text=f"position, {units_among(robot.prismatic)['q']}")
     figure.update_yaxes(autorange="reversed", showgrid=False, automargin=True)
     with np.errstate(invalid="ignore"):
         share = (high - low) / (limits.upper - limits.lower)
@@ -63,7 +73,7 @@ def noise(robot: Robot, logs: Sequence[Quality], channel: Literal["tau", "q"]) -
     """White noise of torque or position, joint by joint, one mark per log."""
     names = short(list(robot.joints))
     word = {"tau": "torque", "q": "position"}[channel]
-    unit = {"tau": ("N·m", "N·m (N)"), "q": ("rad", "rad (m)")}[channel][bool(robot.prismatic.any())]
+    unit = units_among(robot.prismatic)["load" if channel == "tau" else "q"]
     figure = go.Figure()
     for i, log in enumerate(logs, start=1):
         figure.add_scatter(

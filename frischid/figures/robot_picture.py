@@ -18,7 +18,7 @@ import numpy as np
 from scipy import optimize
 
 from frischid.core.types import Array
-from frischid.figures.style import COLOURS
+from frischid.figures.style import COLOURS, short
 from frischid.model.grade import fifth
 from frischid.robot.robot import Robot
 from frischid.robot.skeleton import skeleton
@@ -29,6 +29,8 @@ GREY = COLOURS[7]
 WORDS = ("near the sensors' noise", "small", "medium", "large", "near a constant torque")
 WIDTH_PX, HEIGHT_PX, MARGIN_PX, TEXT_PX, LABEL_PX = 470, 360, 26, 15, 205
 """Size of the picture, free space at its edge, height of a line of text, and width of the column of labels."""
+LETTERS, FEWER = 19, 16
+"""Letters of a label's name: of names as they are, and of shortened ones, which have more wide letters."""
 RADIUS_PX = 7
 LABELLED = 9
 """Joints that get a label at most: the worst."""
@@ -72,10 +74,11 @@ def robot_picture(robot: Robot, q: Array, joints: Mapping[str, tuple[float, floa
     for k, end in ends.items():
         _line(root, seen[k], end, "link")
     labelled = sorted((n for n in names if n in joints), key=lambda n: -joints[n][0])[:LABELLED]
+    shown = _labels([*names])
     for name, y in _heights({n: seen[names[n]] for n in labelled}).items():
         _line(root, seen[names[name]], (WIDTH_PX - LABEL_PX + 4, y), "lead")
         text = ET.SubElement(root, "text", x=f"{WIDTH_PX - LABEL_PX + 9:.0f}", y=f"{y + 0.35 * TEXT_PX:.1f}")
-        text.text = f"{_short(name)}: {100 * joints[name][0]:.1f} %"
+        text.text = f"{shown[name]}: {100 * joints[name][0]:.1f} %"
     for name, k in names.items():
         colour = STEPS[fifth(*joints[name])] if name in joints else GREY
         x, y = seen[k]
@@ -138,6 +141,11 @@ def _line(root: ET.Element, start: Sequence[float], end: Sequence[float], kind: 
     line.set("class", kind)
 
 
-def _short(name: str) -> str:
-    """A joint's name in at most 20 letters, its end kept: numbers stand there."""
-    return name if len(name) <= 20 else f"…{name[-19:]}"
+def _labels(names: Sequence[str]) -> dict[str, str]:
+    """Names that leave room for a number: where one is long, all without their common beginning and end.
+
+    Of a name that is still long the end is kept, because numbers stand there.
+    """
+    fitting = all(len(name) <= LETTERS for name in names)
+    shown = names if fitting else [x if len(x) <= FEWER else f"…{x[1 - FEWER :]}" for x in short(names)]
+    return dict(zip(names, shown, strict=True))

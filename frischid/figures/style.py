@@ -172,6 +172,13 @@ def units_of(sliding: bool) -> dict[str, str]:
     return SLIDING if sliding else UNITS
 
 
+def units_among(sliding: NDArray[np.bool_]) -> dict[str, str]:
+    """Units of q, v, a, load and t of all joints: those of sliding joints in brackets where both kinds are there."""
+    if sliding.all() or not sliding.any():
+        return units_of(bool(sliding.all()))
+    return {name: unit if unit == SLIDING[name] else f"{unit} ({SLIDING[name]})" for name, unit in UNITS.items()}
+
+
 def axis_of(variable: str, sliding: bool) -> str:
     """Title of an axis: the variable and its unit."""
     return f"{EXPLAINED.get(variable, VARIABLE_WORDS[variable])}, {units_of(sliding)[variable]}"

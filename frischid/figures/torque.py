@@ -248,8 +248,9 @@ def _worst(
     source = _name(prediction.sources[prediction.log[k]])
     beside = f" ({x[k]:.2f} s in the figure)" if prediction.log[k] > 0 else ""
     where = f" of {source}{beside}" if len(prediction.sources) > 1 else ""
+    over = "Over all logs, the" if len(prediction.sources) > 1 else "The"
     return (
-        f"The rms error is {number(fit.rmse, 3)} {unit}, {100 * fit.nrmse:.1f} % of the torque's standard deviation "
+        f"{over} rms error is {number(fit.rmse, 3)} {unit}, {100 * fit.nrmse:.1f} % of the torque's standard deviation "
         f"(sensors alone: {100 * fit.noise_floor:.1f} %). Worst at {prediction.t[k]:.2f} s{where}: measured "
         f"{number(prediction.measured[k, j], 3)} {unit}, model {number(prediction.fitted[k, j], 3)} {unit}."
     )

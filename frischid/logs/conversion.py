@@ -198,14 +198,15 @@ def _no_joint(table: Table, form: LogMap, there: Sequence[str], joints: Sequence
         template = form.default["q"].replace("{joint}", "<joint>")
         return (
             f"no position column '{template}'; the columns are {', '.join(table.names)}; "
-            "say which is which in a mapping file"
+            "say which is which in a mapping file (frischid map LOG ROBOT -o map.toml proposes one)"
         )
     found = assign({name: name for name in there}, joints).columns  # as `frischid map` reads the names
     near = [f"{found[joint]} for {joint}" for joint in joints if joint in found]
     hint = f" (perhaps {', '.join(near)})" if near else ""
     return (
         f"none of the joints in this log is a joint of the robot{hint}; the log has {', '.join(there)}; "
-        f"the robot has {', '.join(joints)}; rename the columns or say which is which in a mapping file"
+        f"the robot has {', '.join(joints)}; rename the columns or say which is which in a mapping file "
+        "(frischid map LOG ROBOT -o map.toml proposes one)"
     )
 
 

@@ -103,7 +103,7 @@ class Headline:
     def grade_in_words(self) -> str:
         """The grade's meaning: the error as a multiple of the reference's, and of the sensors' noise."""
         if self._is_alarmed:
-            return "no grade: an alarm says that the error on another motion may differ"
+            return "no grade: an alarm says not to rely on this model as it is"
         return self._graded[1]
 
     @property

@@ -100,7 +100,7 @@ def known_controller(
     if controller.delay is None:
         found, stderr = search.delay()
         delay = found if found > REACH * stderr else 0.0
-        notes.append(f"the logs say that commands act {1e3 * found:.3g} ± {1e3 * stderr:.2g} ms late")
+        notes.append(f"the logs say that commands act {1e3 * found:.3g} ± {float(f'{1e3 * stderr:.2g}'):g} ms late")
         if not delay:
             notes[-1] += (
                 "; this may be no delay at all. The commands are taken without one, and the fit corrects them with "

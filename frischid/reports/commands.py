@@ -46,6 +46,12 @@ def with_tests(files: Iterable[LogFile], name: Name = from_here) -> str:
     return "".join(f" --valid {_quoted(name(file.path))}" for file in files) + with_maps(files, name)
 
 
+def with_logs(files: Iterable[LogFile], name: Name = from_here) -> str:
+    """Arguments that name logs, and the mapping files that explain their columns."""
+    files = list(files)
+    return "".join(f" {_quoted(name(file.path))}" for file in files) + with_maps(files, name)
+
+
 def with_maps(files: Iterable[LogFile], name: Name) -> str:
     """Options that name the mapping files of some logs."""
     maps = dict.fromkeys(file.mapping.path for file in files if file.mapping is not None)
@@ -55,10 +61,10 @@ def with_maps(files: Iterable[LogFile], name: Name) -> str:
 def check_command(model: Model, output: str = "", name: Name = from_here) -> str:
     """The command that looks for faults in the fitted logs; with an output, it writes a mapping that undoes them."""
     files, robot = fitted_files(model), model.robot
-    logs = "".join(f" {_quoted(name(file.path))}" for file in files) or " LOG..."
+    logs = with_logs(files, name) or " LOG..."
     joints = "" if model.joints == robot.joints else f" --torque-joints {shlex.quote(','.join(model.joints))}"
     written = f" -o {_quoted(output)}" if output else ""
-    return f"frischid check {in_command(robot, name)}{logs}{with_maps(files, name)}{joints}{written}"
+    return f"frischid check {in_command(robot, name)}{logs}{joints}{written}"
 
 
 def excite_command(model: Model, name: Name = from_here) -> str:

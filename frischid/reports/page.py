@@ -109,7 +109,8 @@ def page(found: Study, model_path: str = "model.json") -> str:
     str
         HTML that refers to nothing outside itself.
     """
-    counts = {"alarm": len(found.headline.alarms), "warning": len(found.warnings())}
+    severities = [alarm.severity for alarm in found.headline.alarms]
+    counts = {"alarm": severities.count("severe"), "doubt": severities.count("doubt"), "warning": len(found.warnings())}
     told = [counted(n, word) for word, n in counts.items() if n]
     alone = replace(found.model, previous=None)  # every earlier step would be as large as the model
     values = {

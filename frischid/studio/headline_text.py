@@ -23,6 +23,11 @@ def error_text(state: State) -> str:
     )
 
 
+def verdict_errors(state: State) -> dict[str, float]:
+    """Error of each joint as the verdict has it: on the test logs if there are any, as in the report's picture."""
+    return {name: state.headline.joints.get(name, j.nrmse) for name, j in state.comparison.joints.items()}
+
+
 def origin_text(bench: Bench) -> str:
     """Notes where logs of the fit are missing, and where the logs that select come from others than those given."""
     count = bench.absent

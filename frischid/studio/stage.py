@@ -21,9 +21,10 @@ from frischid.studio.bench import Bench
 from frischid.studio.bodies import thickness_of, urdf_of
 from frischid.studio.colours import LIT, colour_of
 from frischid.studio.ghost import Ghost
+from frischid.studio.headline_text import verdict_errors
 from frischid.studio.track import Track
 
-Colouring = Literal["over all logs", "at this moment"]
+Colouring = Literal["of the verdict", "at this moment"]
 AROUND = 0.25  # s before and after a moment over which the error is averaged
 THINNER, LONGER = 0.8, 1.35  # radius and height of a joint's cylinder over those of another joint at the same place
 MOMENTS = 30  # moments of the logs at which the camera must show the whole robot
@@ -61,7 +62,7 @@ class Stage:
         self.urdf = urdf_of(robot)
         self.drawn = ViserUrdf(client, self.urdf, root_node_name="/robot")
         self.ghost = Ghost(client, bench, self._drawn_at)
-        self.top = max(0.02, max(j.nrmse for j in bench.state.comparison.joints.values()))
+        self.top = max(0.02, max(verdict_errors(bench.state).values()))
         self._names = tuple(self.urdf.actuated_joint_names)
         self._fixed = {**dict.fromkeys(self._names, 0.0), **robot.locked}
         size = float(self.urdf.scene.scale) if self.urdf.scene.geometry else 1.0
@@ -173,8 +174,8 @@ class Stage:
     def errors(self, x: float, colouring: Colouring) -> dict[str, float]:
         """Error of each joint as a share of its torque's spread."""
         joints = self.bench.state.comparison.joints
-        if colouring == "over all logs":
-            return {name: j.nrmse for name, j in joints.items()}
+        if colouring == "of the verdict":
+            return verdict_errors(self.bench.state)
         near = moment(self.bench.state.prediction, x)
         prediction = self.bench.state.prediction
         every = prediction.joints  # those that never move are not compared

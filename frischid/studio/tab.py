@@ -21,7 +21,7 @@ from frischid.studio.bench import Bench, State, message_of
 from frischid.studio.cursor import line
 from frischid.studio.findings import Findings
 from frischid.studio.frame import WIDTH, Frame
-from frischid.studio.headline_text import error_text, origin_text
+from frischid.studio.headline_text import error_text, origin_text, verdict_errors
 from frischid.studio.legend import legend
 from frischid.studio.track import Track
 from frischid.studio.words import plain
@@ -64,7 +64,8 @@ class Tab:
         self._drawn = bench.state
         self.stage: Stage | None = None  # drawn last
         joints = list(bench.state.comparison.joints.names)
-        worst = max(bench.state.comparison.joints, key=lambda joint: joint.nrmse).name
+        errors = verdict_errors(bench.state)
+        worst = max(joints, key=lambda name: errors[name])
         gui = self.client.gui
         gui.set_panel_label(f"frischid: {bench.state.model.robot.name}")
         with self._lock:  # a control that is used at once waits until the others are there
@@ -105,7 +106,7 @@ class Tab:
             ends = {"min": (0.0, 0.0), "max": (end, end), "step": 0.1}
             self.stretch = gui.add_vector2("Shown, from and to, s", (0.0, end), **ends)
             self.joint = gui.add_dropdown("Joint", tuple(joints), initial_value=worst)
-            self.colouring = gui.add_dropdown("Colours show the error", ("over all logs", "at this moment"))
+            self.colouring = gui.add_dropdown("Colours show the error", ("of the verdict", "at this moment"))
             self.legend = gui.add_html("")
             self.before = gui.add_checkbox("Before the step too", True, visible=False)
             self.torque = self._figure(gui, motion)

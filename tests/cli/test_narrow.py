@@ -17,6 +17,9 @@ from widths import assert_whole
 from frischid.cli import main, output
 from frischid.cli.narrow import Command, Wide
 from frischid.cli.narrow import fitted as pieces_of
+from frischid.cli.pages.checking import _clock
+from frischid.cli.pages.page import figure
+from frischid.effects import parse_effects
 from frischid.logs.readers import write_log
 from frischid.motions.simulation import simulate
 from frischid.motions.trajectory import random_fourier
@@ -51,6 +54,27 @@ def test_every_word_of_a_table_stays_whole(columns, rows, width, data):
             if heading not in gone:
                 assert set(cell.split()) <= set(text.split())
     assert set(gone) <= set(droppable)
+
+
+def test_a_long_cell_of_a_row_by_row_table_is_no_new_row():
+    table = Wide("effect", "stands for", "equation")
+    table.add_row("cogging", "ripple", f"{'x' * 30} {'word ' * 12}last")
+    first, *others = printed(table, 40).splitlines()
+    assert first == "cogging"
+    assert len(others) > 2
+    assert all(line.startswith("  ") for line in others)
+    assert all(line.startswith("    ") for line in others if "stands for" not in line and "equation" not in line)
+
+
+def test_steps_that_are_all_equal_are_no_range():
+    assert _clock({"steps_ms": (5.0, 5.0, 5.0), "mean_rate_hz": 200.0}) == ["  true rate 200 Hz, every step 5 ms"]
+    (jitter,) = _clock({"steps_ms": (7.9, 10.0, 12.1), "mean_rate_hz": 100.0})
+    assert jitter == "  true rate 100 Hz, steps 7.9 to 12.1 ms (usual 10 ms)"
+
+
+def test_no_zero_has_a_sign():
+    assert figure(-0.0) == "0"
+    assert figure(-0.5) == "-0.5"
 
 
 def test_a_table_with_room_is_printed_whole():
@@ -139,6 +163,16 @@ def test_no_command_breaks_a_number_or_a_word(line, practice, monkeypatch):
     assert done.exit_code in (0, 1), done.output  # an alarm ends with 1
     (page,) = pages
     assert_whole(page)
+
+
+def test_every_effect_that_a_help_text_shows_is_one_that_can_be_typed():
+    found = []
+    for name in main.commands:
+        shown = CliRunner().invoke(main, [name, "--help"], terminal_width=1000).output
+        found += re.findall(r"[\w(=.),@]*\w+\([a-z_]+=[\w.]+\)(?:[\w,]*@\w+)?", shown)
+    assert len(found) > 3
+    for text in found:
+        assert parse_effects(text), text
 
 
 @pytest.mark.parametrize("width", [60, 80])

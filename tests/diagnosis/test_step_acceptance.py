@@ -8,9 +8,16 @@ import pytest
 from scipy import stats
 
 from frischid.diagnosis import improvement, step_acceptance
+from frischid.diagnosis.block_test import p_value_of
 from frischid.diagnosis.criteria import DiagnosisCriteria
 from frischid.diagnosis.situation import cross_validator
-from frischid.diagnosis.step_acceptance import reason_against, rejection, worse_joints, worse_with_standstill
+from frischid.diagnosis.step_acceptance import (
+    falls_by_chance,
+    reason_against,
+    rejection,
+    worse_joints,
+    worse_with_standstill,
+)
 from frischid.effects import BASELINE, parse_effects
 from frischid.model.comparison import compare
 from frischid.model.identification import identify
@@ -274,3 +281,36 @@ def test_improve_makes_no_joint_worse_beside_joints_full_of_noise():
     assert np.mean([j.nrmse for j in after]) < 0.95 * np.mean([j.nrmse for j in before])
     for name in machine.joints:
         assert after[name].nrmse < 1.05 * before[name].nrmse, name
+
+
+def test_a_clear_effect_of_a_short_log_is_added():
+    """Three blocks of time: their ranks have a p value of 1/8 at least, so `improve` refused a fall of 99 %."""
+    robot = Robot.load("ur10")
+    effects = parse_effects("viscous, coulomb, joint_spring@elbow_joint")
+    motions = [random_fourier(robot, 20.0, seed=seed) for seed in (1, 2)]
+    noise = Noise(q=1e-5, tau=0.01)
+    own, test = (
+        simulate(robot, x, rate=100.0, effects=effects, parameters={"ks3": 60.0}, noise=noise, seed=1) for x in motions
+    )
+    model = identify(robot, [own], recursion="none").model
+    (step,), _ = improvement.improve(model, [own], valid=[test], max_steps=1)
+    assert step.effect.id == "joint_spring"
+    assert step.test_after < 0.05 * step.test_before, "the test log, which decided nothing, agrees"
+
+
+def test_of_many_blocks_the_energy_does_not_decide():
+    rng, criteria = np.random.default_rng(3), DiagnosisCriteria()
+    for count in (5, 6, 20):
+        fall, energy = rng.normal(0.2, 1.0, count), rng.uniform(0.1, 5.0, count)
+        assert falls_by_chance(fall, energy, criteria) == p_value_of(fall)
+
+
+def test_of_few_blocks_chance_seldom_passes():
+    """An effect that is not there, with prediction changes of size x: each block gains 2 e x − x²."""
+    rng, criteria = np.random.default_rng(4), DiagnosisCriteria()
+    passed = 0
+    for _ in range(2000):
+        x = rng.lognormal(0.0, 1.0, rng.integers(3, 5))
+        fall = 2 * rng.normal(size=len(x)) * x - 0.1 * x**2
+        passed += falls_by_chance(fall, x**2, criteria) < criteria.block_p_value
+    assert passed / 2000 < 1.5 * criteria.block_p_value

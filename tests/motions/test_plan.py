@@ -359,6 +359,24 @@ def test_the_picture_shows_the_robot_along_the_motion(tmp_path):
     assert text.count("plotly.js v") < 3  # the library is there once
 
 
+def test_a_search_without_a_history_still_shows_the_cost_of_its_motion():
+    planned = plan(Robot.load("planar2"), options=PlanOptions(duration=4.0, budget=20, seed=0))
+    short = replace(planned, history=np.zeros((0, 2)))
+    *_, cost = figures.excitation(short).data
+    assert "markers" in cost.mode, "a line through one point is not drawn"
+    assert list(cost.y) == [planned.cost]
+    assert list(cost.x) == [planned.evaluations]
+
+
+def test_the_picture_is_whole_on_a_narrow_page():
+    planned = plan(Robot.load("planar2"), options=PlanOptions(duration=4.0, budget=20, seed=0))
+    curves, moving = figures.excitation(planned), figures.animated(planned, Robot.load("planar2"))
+    assert {a.xanchor for a in curves.layout.annotations} == {"left"}
+    assert curves.layout.legend.orientation == "h"
+    assert moving.layout.sliders[0].x in (None, 0), "the slider begins at the left, and the buttons are below"
+    assert moving.layout.updatemenus[0].pad.t > 80
+
+
 def test_a_motion_that_breaks_a_limit_is_an_alarm(tmp_path):
     """A script must not run it: the exit code is 1, and the first words say so."""
     (tmp_path / "weak.urdf").write_text(DEAD_WEIGHT)

@@ -7,9 +7,11 @@ from types import SimpleNamespace
 
 import pytest
 from click.testing import CliRunner
+from rich.text import Text
 
 import frischid as fr
 from frischid.cli import main
+from frischid.cli.pages.page import alarm_lines
 from frischid.diagnosis.contacts import Contact
 from frischid.model.alarms import Alarm, by_severity
 from frischid.reports.chapters import CHAPTERS
@@ -48,6 +50,14 @@ def test_the_next_command_names_the_test_log_and_its_mapping(folder):
     done = CliRunner().invoke(main, [*shlex.split(line)[1:], "--try", "joint_spring"])
     assert done.exit_code in (0, 1), done.output
     assert "on logs it was not fitted to" in " ".join(done.stdout.split())
+
+
+def test_the_output_calls_a_doubt_a_doubt():
+    lines = alarm_lines([Alarm("log-too-short", "severe", "", ""), Alarm("faster-than-fitted", "doubt", "", "")])
+    assert [Text.from_markup(line).plain.split(":")[0] for line in lines] == [
+        "ALARM log-too-short",
+        "DOUBT faster-than-fitted",
+    ]
 
 
 def test_a_faulty_log_is_checked_first(folder):
@@ -91,6 +101,27 @@ def test_the_report_names_its_test_log_and_fills_in_the_check(folder):
     assert add == "frischid add model.json joint_spring --joints joint2 --valid test.csv -o better.json"
     assert CliRunner().invoke(main, shlex.split(add)[1:]).exit_code in (0, 1)
     assert check_command(model, name=alone) == "frischid check planar2 log.csv"
+
+
+def test_the_report_on_a_changed_robot_names_the_log_with_the_change(folder):
+    """The command had said LOG... and no mapping file: copied, it was refused."""
+    written("log.csv", seconds=20.0)
+    identified()
+    model, robot = fr.Model.load("model.json"), fr.Robot.load("planar2")
+    body = {"effects": fr.parse_effects("payload@joint2"), "parameters": {"dm2": 3.0, "dmx2": 1.5}}
+    motion = fr.random_fourier(robot, 20.0, seed=2)
+    loaded = fr.simulate(robot, motion, rate=50.0, noise=fr.Noise(tau=0.01), seed=2, **body)
+    fr.write_log(loaded, "with a body.csv")
+    text = Path("with a body.csv").read_text(encoding="utf-8")
+    Path("with a body.csv").write_text(text.replace("t,", "stamp,", 1), encoding="utf-8")
+    log = fr.read_log("with a body.csv", robot.joints, "my map.toml")
+    shown = study(model, [log])
+    assert shown.diagnosis.situation == "changed"
+    (add,) = [x["command"] for x in content(shown, "model.json")["next"] if " add " in x["command"]]
+    assert add.startswith("frischid add model.json payload --joints joint2 'with a body.csv' --map 'my map.toml' -o")
+    done = CliRunner().invoke(main, shlex.split(add)[1:])
+    assert done.exit_code in (0, 1), done.output
+    assert "payload" in done.stdout
 
 
 def test_commands_of_a_model_of_some_joints(folder, monkeypatch):

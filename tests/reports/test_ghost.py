@@ -79,6 +79,28 @@ def test_the_ghost_is_transparent_and_stands_at_the_simulated_positions(shown: S
     assert 50 <= len(figure.frames) <= 100
 
 
+SLIDE = """<robot name="slide"><link name="base"/><link name="carriage"><inertial><mass value="2"/>
+<inertia ixx="0" ixy="0" ixz="0" iyy="0" iyz="0" izz="0"/></inertial></link>
+<joint name="axis" type="prismatic"><parent link="base"/><child link="carriage"/><axis xyz="0 1 0"/>
+<limit lower="0" upper="1" velocity="1" effort="50"/></joint></robot>"""
+
+
+def test_a_sliding_axis_is_drawn_as_points_in_metres(tmp_path: Path) -> None:
+    path = tmp_path / "slide.urdf"
+    path.write_text(SLIDE)
+    robot = fr.Robot.load(path)
+    t = np.linspace(0.0, 2.0, 51)
+    q = 0.3 * (1.0 - np.cos(np.pi * t))[:, None]
+    beside = SimulatedBeside("log", t[:50], q[:50], q[:50], 25, np.zeros((2, 50, 2)))
+    figure = figures.ghost(beside, robot).figure
+    for part in figure.data:
+        assert "markers" in part.mode, "at its zero the link has no length, so a line alone would not be seen"
+    across = np.array([frame.data[0].x[1] for frame in figure.frames], dtype=float)
+    assert np.ptp(across) > 0.55, "the view is across the axis, not along it"
+    titles = [axis.title.text for axis in figures.position_error(beside, robot).figure.select_yaxes()]
+    assert "joints, m" in titles
+
+
 def test_the_report_shows_both_figures_and_escapes_the_log(shown: Study) -> None:
     text = fails(shown)
     assert "Error of the simulated positions" in text
@@ -156,7 +178,7 @@ def test_a_motion_that_runs_away_is_drawn_as_far_as_it_goes(shown: Study) -> Non
     away = replace(beside, simulated=broken)
     assert np.isinf(away.rms).all()
     assert float(figures.ghost(away, shown.model.robot).figure.frames[-1].name) < beside.t[100]
-    assert "Rms, rad (m): joint1 –, joint2 –." in fails(replace(shown, simulated=away))
+    assert "Rms, rad: joint1 –, joint2 –." in fails(replace(shown, simulated=away))
 
 
 @needs_browser

@@ -435,6 +435,16 @@ def test_every_number_of_the_table_of_parameters_is_the_models(spring):
         assert ("impossible sign" in cells[column.name][-2]) == (column.name in shown.impossible)
 
 
+def test_the_parameters_do_not_contradict_the_verdict_on_signs(spring):
+    shown, says = spring[1], "judges signs by the errors of the fit with the URDF as a prior"
+    assert says not in chapter("parameters", shown)
+    doubt = Alarm("impossible-sign", "doubt", "The logs would give fv1 (3.4 s.e.).", "")
+    estimate = replace(shown.model.estimate, theta=np.abs(shown.model.estimate.theta))  # none is impossible
+    model = replace(shown.model, estimate=estimate, standard=None)
+    alarmed = replace(shown, model=model, headline=replace(shown.headline, alarms=(doubt,)))
+    assert says in chapter("parameters", alarmed)
+
+
 def test_the_open_table_holds_the_parameters_that_differ_most_from_the_urdf(spring):
     shown, e = spring[1], spring[1].model.estimate
     rows = re.findall(r"<tr>(.*?)</tr>", chapter("parameters", shown).split("<tbody>")[1].split("</tbody>")[0])
@@ -495,13 +505,40 @@ def test_a_model_with_a_severe_alarm_has_no_grade():
     assert replace(fair, alarms=(alarm,)).grade == "–"
 
 
+def test_no_grade_is_given_a_reason_that_holds_for_every_severe_alarm():
+    fair = Headline(0.02, "test", 0.019, 0.5, 1.0, ("a",), {"one": 0.02})
+    for name in ("worse-than-constant", "faulty-log", "held-out-error"):
+        said = replace(fair, alarms=(Alarm(name, "severe", "", ""),)).grade_in_words
+        assert "another motion" not in said, f"{name} may speak of the motion of these logs"
+        assert "an alarm" in said
+
+
 def test_the_title_counts_alarms_before_warnings(spring):
     shown = spring[1]
     alarm = Alarm("log-too-short", "severe", "The log is short.", "Record a longer one.", (), None, 1.0)
     alarmed = replace(shown, headline=replace(shown.headline, alarms=(alarm,)))
     warned = len(shown.warnings())
     assert warned
-    assert f"<small>1 alarm and {warned} warning{'s' * (warned > 1)}</small>" in page(alarmed, "model.json")
+    use = "First do what the alarm says. When no alarm is left, use the model"
+    assert use in page(replace(alarmed, proposed=None), "model.json")
+    assert use not in page(replace(shown, proposed=None), "model.json")
+    told = f"{warned} warning{'s' * (warned > 1)}</small>"
+    assert f"<small>1 alarm and {told}" in page(alarmed, "model.json")
+    doubt = replace(alarm, id="faster-than-fitted", severity="doubt")
+    both = replace(shown, headline=replace(shown.headline, alarms=(alarm, doubt)))
+    assert f"<small>1 alarm, 1 doubt and {told}" in page(both, "model.json"), "the page calls a doubt a doubt"
+
+
+def test_long_names_are_told_apart_in_the_picture_and_hide_no_number():
+    text, machine = Robot.load("ur10").urdf, Robot.load("ur10")
+    for name in machine.joints:
+        text = text.replace(f'"{name}"', f'"left_arm_of_the_second_cell_{name}_with_harmonic_drive"')
+    machine = replace(machine, urdf=text)
+    svg = robot_picture(machine, np.zeros(6), dict.fromkeys(machine.joints, (2.457, 0.01, 1.0)))
+    labels = re.findall(r"<text[^>]*>([^<]*)</text>", svg)
+    assert len(set(labels)) == 6
+    assert "elbow: 245.7 %" in labels
+    assert all(len(label) < 27 for label in labels)
 
 
 def test_names_of_joints_cannot_leave_the_picture():

@@ -686,7 +686,7 @@ def test_the_end_of_the_last_link_is_in_view_too(case, tmp_path):
             page.wait_for_selector("text=misses")
             tab = in_place(running, page)
             for x in np.linspace(0, tab.track.x[-1], 20):
-                tab.stage.pose(x, "joint2", "over all logs")
+                tab.stage.pose(x, "joint2", "of the verdict")
                 pose = tab.stage.urdf.get_transform("link2")
                 u, v = pixel(page, tab, pose[:3, 3] + pose[:3, :3] @ END)
                 assert WIDTH < u < 1280 - WIDTH
@@ -708,7 +708,7 @@ def test_the_robot_stays_in_view_wherever_its_logs_take_it(tmp_path, width, left
             page.wait_for_selector("text=misses")
             tab = in_place(running, page)
             for x in np.linspace(0, tab.track.x[-1], 20):
-                tab.stage.pose(x, "panda_joint7", "over all logs")
+                tab.stage.pose(x, "panda_joint7", "of the verdict")
                 for joint in robot.joints:
                     u, v = spot(page, tab, joint)
                     assert left < u < width - left

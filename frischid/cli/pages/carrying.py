@@ -6,7 +6,7 @@ from typing import Any
 
 from rich.markup import escape
 
-from frischid.cli.pages.page import Page, table_of
+from frischid.cli.pages.page import Page, figure, table_of
 from frischid.core.text import percent
 from frischid.errors import NoBodyError
 from frischid.model.payload_identification import IdentifiedPayload
@@ -29,10 +29,11 @@ def payload(found: IdentifiedPayload, output: str | None) -> Page:
     """Numbers with bounds, and the text to enter."""
     table = table_of("quantity", "unit", "value", "± (95 %)", "from the log")
     for name, x in found.values.items():
-        numbers = f"{x:.4g}", f"{found.bound[name]:.2g}", percent(found.from_log[name])
+        numbers = figure(x), f"{found.bound[name]:.2g}", percent(found.from_log[name])
         table.add_row(name, BODY_UNITS.get(name, "kg·m²"), *numbers)
+    frame = "the joint's own frame" if found.frame == f"joint {found.carrier}" else f"the frame {found.frame}"
     parts: list[Any] = [
-        escape(f"body on the link of {found.carrier}, in the frame {found.frame}; inertia about the centre of mass"),
+        escape(f"body on the link of {found.carrier}, in {frame}; inertia about the centre of mass"),
         table,
         f"NRMSE {found.error:.4f} with the body, {found.error_without:.4f} without",
         *(escape(note) for note in found.notes),

@@ -140,7 +140,9 @@ def _clock(facts: Mapping[str, Any]) -> list[str]:
     if "steps_ms" not in facts:
         return []
     low, usual, high = facts["steps_ms"]
-    words = f"  true rate {facts['mean_rate_hz']:.4g} Hz, steps {low:.4g} to {high:.4g} ms (usual {usual:.4g} ms)"
+    least, most, middle = (f"{step:.4g}" for step in (low, high, usual))
+    steps = f"every step {middle} ms" if least == most else f"steps {least} to {most} ms (usual {middle} ms)"
+    words = f"  true rate {facts['mean_rate_hz']:.4g} Hz, {steps}"
     if "stamps_follow" in facts:
         words += f", jitter {percent(facts['jitter'], 1)} of a step; the positions follow it by a factor of "
         words += f"{rounded(facts['stamps_follow'], facts['stamps_follow_error'])} (1: stamps are true)"
@@ -158,7 +160,7 @@ def _joints(joints: Mapping[str, Mapping[str, float]]) -> list[Any]:
     table = table_of("joint", *(COLUMNS[key] for key in there))
     for name, values in joints.items():
         table.add_row(name, *(figure(float(f"{values[key]:.2g}")) if key in values else "–" for key in there))
-    words = "  noise in the channels' units, lag in s"
+    words = "  standstill: share of the samples at rest; noise in the channels' units, lag in s"
     if "nominal_nrmse" in there:
         words += (
             "; the last three columns are NRMSE: of friction alone, of the URDF's links with fitted friction, and of "
@@ -191,7 +193,7 @@ def datasets(known: Mapping[str, Dataset]) -> Page:
         for name, x in known.items()
     ]
     table = table_of("what", "equation", "licence", "page")
-    table.columns[0].header, table.columns[1].header = "data set", "what"
+    table.columns[0].header, table.columns[1].header = "data set", "holds"
     for row in data:
         table.add_row(*(escape(str(x)) for x in (row["name"], row["title"], row["licence"], row["page"])))
     return Page(data, [table])

@@ -89,7 +89,7 @@ def links(model: Model, found: Consistency | None = None) -> Table:
             figure(m),
             figure(nominal),
             source,
-            " ".join(f"{x:.3f}" for x in h / m),
+            " ".join(f"{round(x, 3) + 0.0:.3f}" for x in h / m),
             _principal(model.links[i]),
             " ".join(symbol for symbol in free[name] if symbol != "m") or "–",
         ]

@@ -16,6 +16,7 @@ from frischid.cli.pages.comparing import error_tables, motion_table
 from frischid.cli.pages.joint_drives import MEANING, amperes, drives, left_open
 from frischid.cli.pages.page import Page, figure, headline_line, table_of, warning_lines
 from frischid.core.text import counted, percent
+from frischid.estimators.least_squares import ESTIMATOR_TITLES
 from frischid.forward.output_error import OutputError
 from frischid.logs.log import Log
 from frischid.logs.recording import Recording
@@ -193,12 +194,12 @@ def parameters(model: Model, truth: Sequence[float] | None = None) -> Table:
 def summary(found: Identification) -> str:
     """One sentence on the fit."""
     model, e = found.model, found.model.estimate
-    cut = "unfiltered" if model.lowpass.cutoff is None else f"low-passed at {model.lowpass.cutoff:g} Hz"
+    cut = "unfiltered" if model.lowpass.cutoff is None else f"low-passed at {model.lowpass.cutoff:g} Hz, then thinned"
     return (
         f"[bold]{model.robot.name}[/bold]: {counted(found.reduction.rank, 'base parameter')} from "
-        f"{found.samples} samples "
-        f"({cut}), effects {', '.join(str(x) for x in model.effects)}; {e.estimator}, condition {e.condition:.3g}, "
-        f"rank gap {found.reduction.gap:.2g}{f'; {cost}' if (cost := found.reduction.described_cost()) else ''}"
+        f"{found.samples} samples ({cut}) by {ESTIMATOR_TITLES.get(e.estimator, e.estimator)}; condition number "
+        f"{e.condition:.3g}; effects {', '.join(str(x) for x in model.effects)}"
+        f"{f'; {cost}' if (cost := found.reduction.described_cost()) else ''}"
     )
 
 

@@ -25,7 +25,7 @@ SYMBOLS_OF_ALL = (
 def catalogue() -> Page:
     """Every effect in a line."""
     foreign = any(EFFECTS.package(kind) is not None for kind in EFFECTS.values())
-    table = table_of("effect", "what", "equation", *(["from"] if foreign else []))
+    table = table_of("effect", "stands for", "equation", *(["from"] if foreign else []))
     for name, kind in EFFECTS.items():
         table.add_row(name, kind.title, kind.equation, *([_origin(kind)] if foreign else []))
     return Page([_effect_data(kind) for kind in EFFECTS.values()], [table, SYMBOLS_OF_ALL])

@@ -65,11 +65,12 @@ def warning_lines(warnings: Sequence[str]) -> list[str]:
 
 
 def alarm_lines(alarms: Sequence[Alarm]) -> list[str]:
-    """Alarms, one per line, each with its remedy; an empty list without alarms."""
-    colours = {"severe": "bold red", "doubt": "yellow"}
+    """Alarms, one per line, each with its remedy; an empty list without alarms. A doubt is called a doubt."""
+    looks = {"severe": ("bold red", "ALARM"), "doubt": ("yellow", "DOUBT")}
     return [
-        f"[{colours[a.severity]}]ALARM {a.id}:[/{colours[a.severity]}] {escape(a.sentence)} {escape(a.remedy)}"
+        f"[{colour}]{word} {a.id}:[/{colour}] {escape(a.sentence)} {escape(a.remedy)}"
         for a in alarms
+        for colour, word in [looks[a.severity]]
     ]
 
 
@@ -115,8 +116,8 @@ def table_of(*columns: str, title: str | None = None, droppable: Sequence[str] =
 
 
 def figure(x: float) -> str:
-    """Four digits, or a dash."""
-    return "–" if not np.isfinite(x) else f"{x:.4g}"
+    """Four digits, or a dash; no zero has a sign."""
+    return "–" if not np.isfinite(x) else f"{x + 0.0:.4g}"
 
 
 def plain(x: float) -> float | None:

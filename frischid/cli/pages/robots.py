@@ -54,7 +54,7 @@ def robot(machine: Robot, regressor: Regressor, reduction: Reduction) -> Page:
         f"{len(groups['identifiable_in_combination'])} only in combination, {len(groups['not_identifiable'])} not "
         "at all"
         f"{f' ({len(machine.known)} of them known)' if machine.known else ''}; "
-        f"rank {reduction.rank}, gap {reduction.gap:.2g}"
+        f"rank {reduction.rank}, and the next singular value is {reduction.gap:.2g} times smaller"
         f"{f'; {cost}' if (cost := reduction.described_cost()) else ''}"
     )
     units = ", ".join(f"{p} {u}" for p, u in zip(LINK_PARAMETERS, LINK_UNITS, strict=True))

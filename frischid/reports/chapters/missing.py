@@ -109,7 +109,7 @@ def _card(study: Study, finding: Finding, other: str) -> dict[str, Any]:
     )
     card["facts"] = [
         ("Evidence", evidence),
-        ("Effect", f"{finding.effect}: {kind.title}"),
+        ("Effect", kind.title if kind.title.startswith(f"{kind.id}:") else f"{finding.effect}: {kind.title}"),
         ("Found", found),
         ("Could also be", f"{confused}{general}"),
         ("To be sure", f"{kind.confirmed_by}.{plan}"),

@@ -9,20 +9,16 @@ import numpy as np
 
 from frischid import figures
 from frischid.core.text import counted, listed
+from frischid.estimators.least_squares import ESTIMATOR_TITLES
 from frischid.export.consistency import Consistency
 from frischid.figures.style import number
 from frischid.model.identification_bounds import NO_INFORMATION, without_information
 from frischid.model.model import Model
 from frischid.model.parameters import numbering
+from frischid.model.physical_alarms import SIGN
 from frischid.reports.chapters.table import Table
 from frischid.reports.study import Study
 
-ESTIMATOR_TITLES = {
-    "wls": "weighted least squares", "ols": "least squares", "map": "least squares with the URDF as a prior",
-    "frisch": "point of the Frisch box by eq. (24)", "frisch_squared": "least squares in the Frisch box",
-    "sensorwise": "sensor-wise Frisch scheme", "eiv": "errors in variables",
-    "iv": "instrumental variables", "output_error": "output error of the simulated motion",
-}  # fmt: skip
 RECURSION_TITLES = {
     "strict": "the paper's Algorithm 1", "undo": "windows that would empty the box are left out",
     "calibrated": "every window's box is widened by its sampling error",
@@ -44,6 +40,7 @@ def content(study: Study, model_path: str) -> dict[str, Any]:
         "condition": number(e.condition, 3),
         "weak": len(study.weak),
         "impossible": listed(study.impossible),
+        "alarmed": any(alarm.id == SIGN for alarm in study.headline.alarms),
         "doubtful": listed([c.name for c, x in zip(e.columns, e.theta, strict=True) if c.sign * x < 0]),
         "physical": study.physical if isinstance(study.physical, Consistency) else None,
         "no_links": study.physical if isinstance(study.physical, str) else "",

@@ -107,4 +107,5 @@ def _beside(study: Study) -> Table | None:
 def _with_changes(errors: list[float]) -> list[str]:
     """The first error, then each other with its change."""
     first, *others = errors
-    return [f"{first:.4f}", *(text for x in others for text in (f"{x:.4f}", f"{100 * (x / first - 1):+.1f} %"))]
+    changes = [f"{100 * (x / first - 1):+.1f} %".replace("-", "−") for x in others]
+    return [f"{first:.4f}", *(text for x, change in zip(others, changes, strict=True) for text in (f"{x:.4f}", change))]

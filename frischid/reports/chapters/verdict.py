@@ -21,7 +21,15 @@ from frischid.model.events import selection_errors
 from frischid.model.grade import between
 from frischid.model.headline import Headline, headline_of
 from frischid.model.own_logs import paths_of
-from frischid.reports.commands import alone, check_command, excite_command, tested_files, with_maps, with_tests
+from frischid.reports.commands import (
+    alone,
+    check_command,
+    excite_command,
+    tested_files,
+    with_logs,
+    with_maps,
+    with_tests,
+)
 from frischid.reports.study import Study
 
 LISTED = 4  # parameters named in a sentence; the table of parameters has the others
@@ -122,9 +130,16 @@ def _names(error: Headline) -> list[str]:
 
 
 def _logs(study: Study) -> str:
-    """What a command to copy says of the logs: nothing where the model's own serve, which its file names."""
+    """What a command to copy says of the logs: nothing where the model's own serve, which its file names.
+
+    Where the robot changed, the new logs select. They are named with their mapping files; a log without a file is not.
+    """
     changed = study.diagnosis is not None and study.diagnosis.situation == "changed"
-    return " LOG..." if changed or not paths_of(study.model) else ""
+    if not changed:
+        return "" if paths_of(study.model) else " LOG..."
+    files = [log.file for log, role in zip(study.logs, study.roles, strict=True) if role == "test"]
+    named = [file for file in files if file is not None]
+    return with_logs(named, alone) if named and len(named) == len(files) else " LOG..."
 
 
 def _cut(study: Study, diagnosis: Diagnosis) -> str:
