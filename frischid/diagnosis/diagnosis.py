@@ -158,16 +158,18 @@ class Diagnosis(Shown):
         if self.fit is None:
             return "the arm stands still, and nothing touches it"
         error, noise, tolerance = self.headline.nrmse, self.headline.noise_floor, self.criteria.floor_tolerance
+        more = suspected(self.findings, self.probabilities)
+        missing, explains = ("called missing", "may explain") if more else ("missing", "explains")
         if self.error > tolerance * self.noise_floor:
             said = f"called missing; the model's NRMSE is {error:.2g}, that of the sensor noise alone {noise:.2g}"
         elif error > tolerance * noise:
             figures = f"error {self.error:.2g} in this search, noise of sensors and drives {self.noise_floor:.2g}"
-            said = f"missing: noise explains the error, with the parameters that noise leaves uncertain ({figures})"
+            said = f"{missing}: noise {explains} the error, with the parameters that noise leaves uncertain ({figures})"
         else:
-            said = "missing: the residual error is that of the sensor noise"
+            said = f"{missing}: the residual error is that of the sensor noise"
         named = listed([f.title for f in self.always_missing if f.significant])
         known = f"beside {named}, which the model's own logs already show, " if named else ""
-        return f"{known}no effect is {said}{suspected(self.findings, self.probabilities)}"
+        return f"{known}no effect is {said}{more}"
 
     def to_dict(self) -> dict[str, Any]:
         """Plain JSON values."""

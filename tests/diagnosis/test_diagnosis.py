@@ -147,6 +147,10 @@ def test_no_missing_effect_beside_a_probable_one_is_explained_on_every_surface()
     assert result.remainder == told
     assert verdict_of(result) == told
     assert missing(result).lower() == told.lower()
+    quiet = replace(result, error=found.noise_floor, headline=replace(there, noise_floor=0.02)).remainder
+    assert quiet.startswith("no effect is called missing: the residual error is that of the sensor noise. The most ")
+    loud = replace(result, error=found.noise_floor).remainder
+    assert loud.startswith("no effect is called missing: noise may explain the error"), "`none` has 12 % only"
     likely = replace(result, probabilities={weak.effect: 0.2, "none": 0.8})
     assert "most probable" not in likely.remainder
 
