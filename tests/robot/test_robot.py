@@ -369,3 +369,11 @@ def test_any_lock_and_gravity_equal_the_whole_tree_held_there(lock, gravity):
     assert json.loads(json.dumps(machine.to_dict())) == machine.to_dict()
     q, v, a = states(machine, count=2)
     np.testing.assert_allclose(machine.inverse_dynamics(q, v, a), Reference(machine)(q, v, a), atol=1e-9)
+
+
+def test_torque_of_a_motion_of_another_shape_is_refused():
+    machine = robot("planar2")
+    assert machine.inverse_dynamics([0, 0], [0, 0], [0, 0]).shape == (1, 2)
+    for v in (np.zeros((2, 2)), np.zeros((3, 4)), [[0.0], [0.0, 0.0], [0.0]], None):
+        with pytest.raises(InputError, match=r"^v (has the shape|must be an array of numbers)"):
+            machine.inverse_dynamics(np.zeros((3, 2)), v, np.zeros((3, 2)))
