@@ -66,7 +66,10 @@ def edited_mjcf(model: Model, path: Path) -> str:
         raise InputError(
             f"{path}: joints {', '.join(robot.locked)} are locked in the model; identify all joints for this"
         )
-    data = path.read_bytes()
+    try:
+        data = path.read_bytes()
+    except OSError as error:
+        raise InputError(f"{path}: the MJCF file cannot be read ({error.strerror})") from None
     if re.search(rb"inertiafromgeom\s*=\s*[\"']true", data):
         raise InputError(f'{path}: inertiafromgeom="true" makes MuJoCo ignore inertials; set it to "auto" first')
     places = _bodies(data, str(path))

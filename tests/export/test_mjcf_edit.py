@@ -158,6 +158,14 @@ def test_what_cannot_be_converted_is_said(tmp_path):
         Robot.load(tmp_path / "broken.xml")
 
 
+def test_a_file_of_the_user_that_cannot_be_read_is_named(path, tmp_path):
+    robot = Robot.load(path)
+    log = simulate(robot, random_fourier(robot, 8, seed=1), rate=50, noise=Noise(tau=0.01))
+    model = identify(robot, [log], recursion="none").model
+    with pytest.raises(InputError, match=r"gone.xml: the MJCF file cannot be read \(No such file or directory\)"):
+        export(model, tmp_path / "new.xml", into=tmp_path / "gone.xml")
+
+
 @pytest.mark.parametrize("effects", ["", "viscous@elbow", "coulomb, rotor_inertia@elbow"])
 def test_the_file_keeps_no_armature_and_no_friction_that_the_model_has_not(tmp_path, path, effects):
     path.write_text(
