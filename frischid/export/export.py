@@ -146,6 +146,8 @@ def export(
         return Export(target, "actuators", model, None, None, ())
     if step is not None:
         raise InputError(f"{target}: --step (step=) counts delays in a table of drives, a file .json or .csv")
+    if into is not None and target.suffix != ".xml":
+        raise InputError(f"{target}: --into (into=) writes MJCF only; give the output a name that ends with .xml")
     physical, consistency = _physical(model, force, boxes, shapes)
     kind, difference = FORMATS[target.suffix], None
     if kind == "URDF":
@@ -157,8 +159,6 @@ def export(
                 "of its size; please report this with the model file"
             )
     elif into is not None:
-        if kind != "MJCF":
-            raise InputError(f"{target}: --into (into=) writes MJCF only; give the output a name that ends with .xml")
         text = edited_mjcf(physical, Path(into))
     else:
         text = {"MJCF": mjcf_source, "C": c_source, "NumPy": numpy_source}[kind](physical)
