@@ -88,6 +88,10 @@ WRONG_NUMBERS = {
     "a letter behind": ('iyy="0.06"', 'iyy="0.23x"', ["<inertia> of link 'upper'", 'iyy="0.23x"']),
     "no iyy": ('iyy="0.06"', "", ["<inertia> of link 'upper' has no iyy"]),
     "two numbers": ('xyz="0.1 0.02 -0.03"', 'xyz="0.1 0.02"', ["<origin> of link 'upper'", 'xyz="0.1 0.02"', "3 "]),
+    "tabs": ('xyz="0.1 0.02 -0.03"', 'xyz="0.1\t0.02\t-0.03"', ["<origin> of link 'upper'", "tabs, line breaks"]),
+    "a line break": ('xyz="0.1 0.02 -0.03"', 'xyz="0.1\n0.02 -0.03"', ["<origin> of link 'upper'", "line breaks"]),
+    "an entity": ('<mass value="3.0"/>', '<mass value="&#51;.0"/>', ['value="3.0" of <mass>', "entities"]),
+    "digits of another script": ('<mass value="3.0"/>', '<mass value="\u0663"/>', ["<mass>", "not a finite number"]),
     "commas": ('xyz="0.1 0.02 -0.03"', 'xyz="0.1,0.02,-0.03"', ["<origin>", 'xyz="0.1,0.02,-0.03"', "spaces"]),
     "a mimic multiplier": ('multiplier="2"', 'multiplier="two"', ["<mimic> of joint 'follows'", 'multiplier="two"']),
     "a mimic offset": ('offset="0.3"', 'offset="0.3 rad"', ["<mimic> of joint 'follows'", 'offset="0.3 rad"']),
@@ -105,9 +109,17 @@ def test_a_number_that_cannot_be_read_is_named_with_its_line(tmp_path, fault):
     path = tmp_path / "arm.urdf"
     path.write_text(lines)
     assert Robot.load(path).bodies == ("turns", "follows")
-    path.write_text(lines.replace(old, new, 1))
+    path.write_text(lines.replace(old, new, 1), encoding="utf-8")
     number = lines[: lines.index(old)].count("\n") + 1
     refused([f"{path}, line {number}: ", *words], path)
+
+
+def test_a_number_behind_an_entity_is_refused(tmp_path):
+    """An XML parser reads the mass. Pinocchio's dropped the inertial, and the link weighed nothing."""
+    path = tmp_path / "arm.urdf"
+    text = urdf(link("w"), link("a", 3.0), joint("j", "w", "a")).replace('<mass value="3.0"/>', '<mass value="&m;"/>')
+    path.write_text('<!DOCTYPE robot [<!ENTITY m "3.0">]>\n' + text[text.index("<robot") :])
+    refused([f"{path}, line ", 'value="3.0" of <mass> of link', "entities"], path)
 
 
 def test_numbers_in_every_form_of_digits_are_read(tmp_path):
