@@ -125,8 +125,8 @@ def _check_written(quantities: Quantities, attributes: Mapping[str, str], tag: s
         if not re.search(rf"\s{name}\s*=\s*([\"']){re.escape(attributes[name])}\1", tag):
             line, element = place
             raise InputError(
-                f'{line}: {name}="{attributes[name]}" of {element} is written with tabs, line breaks or entities, which '
-                "parsers of URDF do not read; write digits, with spaces between numbers"
+                f'{line}: {name}="{attributes[name]}" of {element} is written with tabs, line breaks or entities, '
+                "which parsers of URDF do not read; write digits, with spaces between numbers"
             )
 
 
