@@ -27,7 +27,7 @@ from frischid.robot.robot import Robot
 from frischid.robot.stated_inertials import unstated
 
 
-@dataclass(frozen=True)
+@dataclass(frozen=True, eq=False)
 class Implausible:
     """Joints whose motion is implausible in radians.
 

@@ -54,7 +54,7 @@ BEAM = 3
 """Hypotheses from which further faults are tried."""
 
 
-@dataclass(frozen=True)
+@dataclass(frozen=True, eq=False)
 class Hypothesis:
     """Some faults, their score, the errors that they leave (R,), and the log with them undone."""
 

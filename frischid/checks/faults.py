@@ -15,7 +15,7 @@ Fix = tuple[str, str, Any]
 SURE_OR_NOT = re.compile(r"\{([^{}|]*)\|([^{}|]*)\}")
 
 
-@dataclass(frozen=True)
+@dataclass(frozen=True, eq=False)
 class Fault:
     """One possible fault.
 

@@ -123,7 +123,7 @@ def clear_lag(sketch: Sketch) -> float:
     return common if gone > criteria.common_lag_share else 0.0
 
 
-@dataclass(frozen=True)
+@dataclass(frozen=True, eq=False)
 class _Row:
     """A row of the longest stretch: its joint, known torque, samples that count, basis of the fitted torques."""
 

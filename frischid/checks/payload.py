@@ -51,7 +51,7 @@ LEFT_OFF = (
 """What to do about a body that the robot lacks."""
 
 
-@dataclass(frozen=True)
+@dataclass(frozen=True, eq=False)
 class Body:
     """The body that fits best on the last link.
 

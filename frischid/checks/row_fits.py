@@ -24,7 +24,7 @@ KNOWN_UNITS = {1e3: "mN·m", 1e-3: "kN·m", 100.0: "N·cm", 0.01: "hundreds of N
 """Factors of torques that are units."""
 
 
-@dataclass(frozen=True)
+@dataclass(frozen=True, eq=False)
 class Local:
     """The best faults of single torques: their score, the errors that they leave, (R,), and the corrected torques."""
 
@@ -95,7 +95,7 @@ class RowFits:
         return sum(self.value(k, float(e)) for k, e in enumerate(errors))
 
 
-@dataclass(frozen=True)
+@dataclass(frozen=True, eq=False)
 class Option:
     """One reading of a torque column: score, error, faults, the corrected column and a spring's torque."""
 

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import fnmatch
+import math
 from collections.abc import Callable, Sequence
 from dataclasses import dataclass
 from typing import Any
@@ -147,13 +148,14 @@ def matching(text: str | None, valid: Sequence[str]) -> list[str] | None:
 
 
 def pairs(items: Sequence[str]) -> dict[str, str]:
-    """NAME=VALUE pairs."""
-    found = {}
+    """NAME=VALUE pairs, each name once."""
+    found: dict[str, str] = {}
     for item in items:
-        name, given, value = item.partition("=")
+        name, given, value = (part.strip() for part in item.partition("="))
         if not (name and given and value):
             raise InputError(f"'{item}' must have the form NAME=VALUE")
-        found[name.strip()] = value.strip()
+        if found.setdefault(name, value) != value:
+            raise InputError(f"{name} has two values, {found[name]} and {value}; name it once")
     return found
 
 
@@ -163,6 +165,13 @@ def number(name: str, text: str) -> float:
         return float(text)
     except ValueError:
         raise InputError(f"{name}: '{text}' is not a number") from None
+
+
+def angle_of(joint: str, text: str) -> float:
+    """Angle at which a joint is locked: a finite number, or an error that names the option."""
+    if not math.isfinite(angle := number(f"--lock {joint}", text)):
+        raise InputError(f"--lock {joint}={text}: the angle must be a finite number of rad (m)")
+    return angle
 
 
 def cutoff_of(text: str) -> Any:

@@ -9,7 +9,7 @@ from typing import TYPE_CHECKING, Any
 
 import click
 
-from frischid.cli.arguments import MapFiles, RobotArguments, matching, number, pairs
+from frischid.cli.arguments import MapFiles, RobotArguments, angle_of, matching, number, pairs
 from frischid.cli.paths import check_found
 
 if TYPE_CHECKING:
@@ -51,7 +51,7 @@ def load(
     for item in arguments.lock:
         pattern, given, angle = item.partition("=")
         for joint in matching(pattern, nominal.joints) or []:
-            locks[joint] = number(joint, angle) if given else float("nan")
+            locks[joint] = angle_of(joint, angle) if given else float("nan")
     joints = matching(arguments.joints, nominal.joints)
     if joints is not None:
         locks |= {j: float("nan") for j in nominal.joints if j not in joints and j not in locks}

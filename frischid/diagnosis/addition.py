@@ -20,7 +20,7 @@ from frischid.diagnosis.criteria import DIAGNOSIS_CRITERIA, DiagnosisCriteria
 from frischid.diagnosis.findings import Finding
 from frischid.diagnosis.refit import check_formulas, fitted_error, known_error, refitted
 from frischid.diagnosis.roles import decided_situation
-from frischid.diagnosis.situation import Situation, SituationOption
+from frischid.diagnosis.situation import Situation, SituationOption, check_situation
 from frischid.diagnosis.step import Step
 from frischid.effects import Effect, check_effects, columns_of
 from frischid.errors import InputError
@@ -77,7 +77,10 @@ def add(
     Raises
     ------
     InputError
-        A log is given both to fit and to test, or lacks a joint or its torque, or two effects have the same columns.
+        There is no effect or no log, a log is given both to fit and to test, or lacks a joint or its torque, or two
+        effects have the same columns.
+    UnknownNameError
+        There is no such situation.
 
     Examples
     --------
@@ -95,7 +98,12 @@ def add(
     logs, valid = as_logs(logs, model.robot.joints, mapping), as_logs(valid, model.robot.joints, mapping, "valid")
     check_logs(logs, valid)
     model.check([*logs, *valid])
+    check_situation(situation)
     check_effects(effects)
+    if not effects:
+        raise InputError("there is no effect to add; give at least one: frischid.parse_effects('viscous@joint1')")
+    if not logs:
+        raise InputError("there is no log to fit; give at least one")
     check_effects_act(model.robot, model.joints, effects)
     check_formulas(model, effects)
     if situation == "auto":

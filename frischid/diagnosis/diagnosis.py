@@ -38,7 +38,7 @@ from frischid.diagnosis.model_notes import delay_in, touch_in, untried
 from frischid.diagnosis.probability import probabilities
 from frischid.diagnosis.residual_formula import Description, describe
 from frischid.diagnosis.rivals import suspected
-from frischid.diagnosis.situation import Situation, SituationOption, cross_validator, priors_of
+from frischid.diagnosis.situation import Situation, SituationOption, check_situation, cross_validator, priors_of
 from frischid.diagnosis.stages import best_stages, stages
 from frischid.diagnosis.verdict import (
     StageResults,
@@ -239,7 +239,7 @@ def diagnose(
         There is no log, a log is given both to fit and to test, a log lacks a joint of the model or its torque, or
         no joint moves.
     UnknownNameError
-        An effect is not in the catalogue.
+        An effect is not in the catalogue, or there is no such situation.
 
     Examples
     --------
@@ -267,6 +267,7 @@ def diagnose(
             raise InputError(f"write {kind} instead of {name}: effects are tried at every joint")
         if name not in EFFECTS:
             raise UnknownNameError("effect", name, EFFECTS)
+    check_situation(situation)
     check_logs(logs, valid)
     model.check([*logs, *valid])
     progress("reading logs")

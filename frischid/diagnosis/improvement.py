@@ -23,7 +23,7 @@ from frischid.diagnosis.criteria import DIAGNOSIS_CRITERIA, DiagnosisCriteria
 from frischid.diagnosis.diagnosis import Diagnosis, diagnose
 from frischid.diagnosis.findings import Finding
 from frischid.diagnosis.roles import always_missing, decided_situation, logs_before_change
-from frischid.diagnosis.situation import SituationOption
+from frischid.diagnosis.situation import SituationOption, check_situation
 from frischid.diagnosis.step import Refusal, Step
 from frischid.diagnosis.step_acceptance import RISES_AT_STANDSTILL, reason_against, reason_against_refit
 from frischid.effects import EFFECTS, Effect
@@ -94,7 +94,7 @@ def improve(
 
     Raises
     ------
-    InputError
+    InputError, UnknownNameError
         As in `diagnose`.
 
     Examples
@@ -112,6 +112,7 @@ def improve(
     refused: dict[str, Refusal] = {}
     if not logs:
         raise InputError("there is no log to diagnose; give at least one")
+    check_situation(situation)
     check_logs(logs, valid)
     model.check([*logs, *valid])
     progress("reading logs")

@@ -30,7 +30,13 @@ from frischid.diagnosis.diagnosis import Diagnosis, diagnose
 from frischid.diagnosis.findings import Finding
 from frischid.diagnosis.floor import Floor
 from frischid.diagnosis.refit import refitted
-from frischid.diagnosis.situation import Situation, SituationOption, cross_validator, of_the_training_logs
+from frischid.diagnosis.situation import (
+    Situation,
+    SituationOption,
+    check_situation,
+    cross_validator,
+    of_the_training_logs,
+)
 from frischid.errors import InputError
 from frischid.logs.excerpt import as_recording, excerpt
 from frischid.logs.given import Logs, as_logs
@@ -311,6 +317,7 @@ def diagnose_in_roles(
     logs, valid = as_logs(logs, model.robot.joints, mapping), as_logs(valid, model.robot.joints, mapping, "valid")
     if not logs:
         raise InputError("there is no log to diagnose; give at least one")
+    check_situation(situation)
     check_logs(logs, valid)
     given = roles(model, logs, valid=valid, situation=situation)
     return diagnose_with(model, given, effects=effects, workers=workers, progress=progress)

@@ -34,7 +34,7 @@ whose model with all effects predicts better.
 from __future__ import annotations
 
 from collections.abc import Mapping, Sequence
-from typing import Literal
+from typing import Literal, get_args
 
 import numpy as np
 
@@ -51,6 +51,7 @@ from frischid.diagnosis.cross_validation import CrossValidator
 from frischid.diagnosis.floor import Floor, asks_for_explanation
 from frischid.diagnosis.reversal_residuals import only_at_reversals
 from frischid.effects import Effect
+from frischid.errors import UnknownNameError
 from frischid.logs.log import Log
 from frischid.logs.poses import need_motion
 from frischid.logs.recording import Recording
@@ -58,6 +59,17 @@ from frischid.model.model import Model
 
 Situation = Literal["always", "changed"]
 SituationOption = Literal["auto", "always", "changed"]
+
+
+def check_situation(situation: str) -> None:
+    """Refuse a situation that does not exist.
+
+    Raises
+    ------
+    UnknownNameError
+    """
+    if situation not in get_args(SituationOption):
+        raise UnknownNameError("situation", situation, get_args(SituationOption))
 
 
 def cross_validator(

@@ -56,8 +56,8 @@ def heat(t: Array, v: Array, constant: float, exponent: float) -> Array:
     >>> heat(t, np.full(1001, 2.0), 10.0, 2.0)[[0, 100, 1000]].round(3)
     array([0.   , 2.528, 4.   ])
     """
-    if not len(t):
-        return np.zeros(0)
+    if len(t) < 2:
+        return np.zeros(len(t))
     power = np.abs(v) ** exponent
     age = (t - t[0]) / constant
     added = -np.expm1(-np.diff(age)) * 0.5 * (power[1:] + power[:-1])

@@ -115,8 +115,8 @@ def in_amperes(
     if (x[-J:] <= 0).any():
         wrong = [n for n, c in zip(names[-J:], x[-J:], strict=True) if c <= 0]
         raise IdentifiabilityError(
-            f"{', '.join(wrong)} would be negative: is a current's sign wrong (sign in the mapping), or does the "
-            "payload hardly change the torque?"
+            f"{', '.join(wrong)} would be negative: is a current's sign wrong (sign in the mapping), are the logs "
+            "with and without the payload exchanged, or does the payload hardly change the torque?"
         )
     return x, covariance, H / max(1.0, inflation)
 

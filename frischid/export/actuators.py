@@ -49,7 +49,7 @@ def actuator_rows(model: Model, step: float = SIMULATOR_STEP) -> list[dict[str, 
     InputError
         The step is not positive, or the model has no drive parameters.
     """
-    if not step > 0:
+    if not 0 < step < np.inf:
         raise InputError(f"the simulator's step must be a positive time in s, got {step}")
     by_joint: dict[str, list[DriveParameter]] = {}
     for x in drive_parameters(model):

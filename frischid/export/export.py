@@ -116,8 +116,8 @@ def export(
         No robot has these parameters within their bounds, and `force` is not given.
     InputError
         The suffix is unknown, the file cannot be written, or the text for it is malformed; or a file stands where the
-        Python file beside an MJCF file would be written, and that file is not from frischid. Or `step` is not positive,
-        or is given for a file without delays in steps.
+        Python file beside an MJCF file would be written, and that file is not from frischid. Or `step` is not a
+        positive number, or an option is given for a file that has no use for it.
 
     Examples
     --------
@@ -138,11 +138,16 @@ def export(
         raise UnknownNameError("export format", target.suffix or target.name, FORMATS)
     check_writable(target)
     if FORMATS[target.suffix] == "actuators":
+        if into is not None or boxes:
+            given = "--into (into=)" if into is not None else "--box (boxes=)"
+            raise InputError(f"{target}: {given} is for files with links; a table of drives has none")
         table = {".json": actuators_json, ".csv": actuators_csv}[target.suffix]
         write_text(target, table(model, SIMULATOR_STEP if step is None else step))
         return Export(target, "actuators", model, None, None, ())
     if step is not None:
         raise InputError(f"{target}: --step (step=) counts delays in a table of drives, a file .json or .csv")
+    if into is not None and target.suffix != ".xml":
+        raise InputError(f"{target}: --into (into=) writes MJCF only; give the output a name that ends with .xml")
     physical, consistency = _physical(model, force, boxes, shapes)
     kind, difference = FORMATS[target.suffix], None
     if kind == "URDF":
@@ -154,8 +159,6 @@ def export(
                 "of its size; please report this with the model file"
             )
     elif into is not None:
-        if kind != "MJCF":
-            raise InputError(f"{target}: --into (into=) writes MJCF only; give the output a name that ends with .xml")
         text = edited_mjcf(physical, Path(into))
     else:
         text = {"MJCF": mjcf_source, "C": c_source, "NumPy": numpy_source}[kind](physical)

@@ -25,6 +25,7 @@ from frischid.export.mjcf_share import JOINT_ATTRIBUTES, Share, share_of
 from frischid.export.names import number
 from frischid.model.model import Model
 from frischid.robot.inertia import dynamic_parameters, is_physical, pseudo_inertia
+from frischid.robot.mjcf_reading import model_of_mjcf
 from frischid.robot.urdf_edit import end_of_tag
 
 
@@ -59,18 +60,25 @@ def edited_mjcf(model: Model, path: Path) -> str:
     Raises
     ------
     InputError
-        A joint of the model has no named body in this file, or the welded bodies weigh more than the link.
+        The file is no MJCF file in UTF-8, a joint of the model has no named body in it, or the welded bodies weigh more
+        than the link.
     """
     robot = model.robot
     if robot.locked:
         raise InputError(
             f"{path}: joints {', '.join(robot.locked)} are locked in the model; identify all joints for this"
         )
-    data = path.read_bytes()
+    try:
+        data = path.read_bytes()
+        data.decode("utf-8")
+    except OSError as error:
+        raise InputError(f"{path}: the MJCF file cannot be read ({error.strerror})") from None
+    except UnicodeDecodeError as error:
+        raise InputError(f"{path}: byte {error.start} is not UTF-8; save the MJCF file as UTF-8 first") from None
     if re.search(rb"inertiafromgeom\s*=\s*[\"']true", data):
         raise InputError(f'{path}: inertiafromgeom="true" makes MuJoCo ignore inertials; set it to "auto" first')
     places = _bodies(data, str(path))
-    own = pin.buildModelFromMJCF(str(path))
+    own = model_of_mjcf(path)
     share = share_of(model)
     changes: list[tuple[int, int, str]] = []
     for i, joint in enumerate(robot.bodies):

@@ -15,6 +15,7 @@ from frischid.export.reach import URDF_EFFECTS, beside, left_out
 from frischid.export.urdf import of_several_links
 from frischid.model.drive_parameters import drive_parameters
 from frischid.model.model import Model
+from frischid.robot.robot import GRAVITY
 
 STEP_FUNCTION = (
     "the torque depends on the past, so the code is a step function: call `init` once, then `step` at every sample of "
@@ -56,6 +57,11 @@ def notes_of(model: Model, kind: str, identified: Model) -> list[str]:
         )
     if model.robot.locked:
         notes.append(f"identified with {', '.join(model.robot.locked)} held still: valid at those positions")
+    if not np.allclose(model.robot.gravity, GRAVITY):
+        seen = ", ".join(f"{x:.4g}" for x in model.robot.gravity)
+        notes.append(
+            f"a URDF holds no gravity: the model's is ({seen}) m/s² in the base; set the same where you load it"
+        )
     friction = {"damping": model.of_effect("viscous", "fv"), "frictionloss": model.of_effect("coulomb", "fc")}
     written = {j: {key: values[j] for key, values in friction.items() if j in values} for j in model.joints}
     return notes + _other_drives(identified, written)

@@ -55,7 +55,7 @@ class DryFriction(NamedTuple):
     backwards: Array
 
 
-@dataclass(frozen=True)
+@dataclass(frozen=True, eq=False)
 class _Compiled:
     """One coefficient of an effect on some joints, with its column as an array expression."""
 

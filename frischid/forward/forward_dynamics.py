@@ -29,7 +29,16 @@ from frischid.core.types import Array
 from frischid.effects.friction_memory import presliding
 from frischid.errors import InputError
 from frischid.forward.effect_torques import DryFriction, EffectTorques
-from frischid.forward.simulated_motion import Follower, SimulatedMotion, Starts, Step, delay_of, held_back
+from frischid.forward.simulated_motion import (
+    Follower,
+    SimulatedMotion,
+    Starts,
+    Step,
+    delay_of,
+    held_back,
+    started,
+    wanted_times,
+)
 from frischid.forward.stiction import solve, step_with_friction
 from frischid.forward.torque_sources import TorqueSource
 from frischid.logs.controller import REST
@@ -37,6 +46,7 @@ from frischid.model.joint_inertia import LeastInertia
 from frischid.model.model import Model
 from frischid.model.physical_alarms import eigenvalue_in_words, remedy
 from frischid.robot.mass_matrix import MassMatrices
+from frischid.robot.motion_arrays import motion_of
 
 LARGEST_STEP = 0.002
 """s. Longest step of the integration unless the caller names another."""
@@ -117,7 +127,12 @@ class ForwardDynamics:
                 f"the torque of {each_of(missing)} was not identified, so the motion cannot be simulated; lock "
                 f"{'them' if len(missing) > 1 else 'it'} (--lock) and identify again"
             )
-        values = model.full_theta[None] if theta is None else np.atleast_2d(theta)
+        values = model.full_theta[None] if theta is None else np.atleast_2d(np.asarray(theta, dtype=float))
+        if values.shape[1] != model.full_theta.size:
+            raise InputError(
+                f"theta has the shape {values.shape}; a set of parameters has {model.full_theta.size} values, one for "
+                "each column of the full regressor, as model.full_theta has"
+            )
         rigid = len(robot.columns)
         self.model, self.robot = model, robot
         self.effects = EffectTorques(robot, model.effects, values, model.reference)
@@ -136,6 +151,7 @@ class ForwardDynamics:
 
     def mass_matrix(self, q: Array, which: int = 0) -> Array:
         """Inertia of links, rotors and other effects of acceleration, (N, J, J), kg·m² (kg), at positions (N, J)."""
+        (q,) = motion_of(self.robot.joints, q=q)
         state = self._start(Starts(q, np.zeros_like(q), which=np.full(len(q), which)))
         return self._balance(state, state.q, state.v, state.t).inertia
 
@@ -172,6 +188,7 @@ class ForwardDynamics:
         A joint at standstill that dry friction can hold does not accelerate. Friction with memory is that after a long
         motion in the direction of the speed.
         """
+        q, v, tau = motion_of(self.robot.joints, q=q, v=v, tau=tau)
         state = self._start(Starts(q, v, t))
         for _ in range(ACCELERATION_PASSES):
             inertia, bias, dry = self._balance(state, state.q, state.v, state.t)
@@ -213,11 +230,12 @@ class ForwardDynamics:
         Raises
         ------
         InputError
-            The mass matrix at a start is not positive definite, or the step is not positive.
+            The mass matrix at a start is not positive definite, the step is not positive, the times do not increase
+            from zero, or a start or the source's torque is not of K robots with J joints.
         """
         if not step > 0:
             raise InputError(f"the step of a simulation must be a positive time in s, got {step}")
-        state = self._start(starts)
+        state, t = self._start(starts), wanted_times(t)
         self.require_inertia(state.q)
         home = state.q.copy()
         q, v = np.full((2, len(home), len(t), home.shape[1]), np.nan)
@@ -241,14 +259,7 @@ class ForwardDynamics:
         return SimulatedMotion(t, q, v, unstable)
 
     def _start(self, starts: Starts) -> _Moving:
-        q, v = (np.array(x, dtype=float, ndmin=2) for x in (starts.q, starts.v))
-        if q.shape != v.shape or q.shape[1] != len(self.robot.joints):
-            raise InputError(
-                f"a start needs positions and velocities of the {len(self.robot.joints)} joints, (K, J) each; got "
-                f"{q.shape} and {v.shape}"
-            )
-        t = np.zeros(len(q)) if starts.t is None else np.array(starts.t, dtype=float)
-        which = np.zeros(len(q), dtype=np.intp) if starts.which is None else starts.which
+        q, v, t, which = started(starts, self.robot.joints, len(self.effects.delay))
         z = [np.sign(v) for _ in self.effects.remembered] if starts.remembered is None else list(starts.remembered)
         return _Moving(t, q, v, np.zeros_like(q), which, z)
 
@@ -274,6 +285,11 @@ class ForwardDynamics:
 
         def drive(s: _Moving, t: Array, q: Array, v: Array, h: float) -> Array:
             now = recorded(s.which, t, q, v)
+            if np.shape(now) != q.shape:
+                raise InputError(
+                    f"the source of torque gives the shape {np.shape(now)} for {len(q)} robots with the joints "
+                    f"{', '.join(self.robot.joints)}; it must give {q.shape}"
+                )
             return now if back == 0.0 else held_back(s.given, now, back / h)
 
         return drive

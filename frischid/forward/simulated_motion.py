@@ -7,14 +7,16 @@ from __future__ import annotations
 
 from collections.abc import Sequence
 from dataclasses import dataclass
-from typing import NamedTuple, Protocol
+from typing import Any, NamedTuple, Protocol
 
 import numpy as np
 from numpy.typing import NDArray
 
 from frischid.core.types import Array
+from frischid.errors import InputError
 from frischid.forward.effect_torques import DryFriction
 from frischid.forward.torque_sources import TorqueSource
+from frischid.robot.motion_arrays import motion_of, times_of
 
 
 @dataclass(frozen=True, eq=False)
@@ -104,6 +106,55 @@ class Follower(Protocol):
 
     def note(self) -> None:
         """See that a wanted time is reached."""
+
+
+def started(starts: Starts, joints: Sequence[str], sets: int) -> tuple[Array, Array, Array, NDArray[np.intp]]:
+    """Positions, velocities (K, J), times and sets of parameters (K,) of K robots, as new arrays.
+
+    Parameters
+    ----------
+    starts : Starts
+    joints : sequence of str
+        The robot's J joints.
+    sets : int
+        Number of sets of parameters.
+
+    Raises
+    ------
+    InputError
+        A shape is wrong, a number is not finite, or there is no such set of parameters.
+    """
+    q, v = (x.copy() for x in motion_of(joints, q=starts.q, v=starts.v))
+    for name, x in (("q", q), ("v", v)):
+        if not np.isfinite(x).all():
+            k, j = np.argwhere(~np.isfinite(x))[0].tolist()
+            raise InputError(
+                f"the start of robot {k} has {name} = {x[k, j]} at {joints[j]}; it must be a finite number"
+            )
+    which = np.zeros(len(q), dtype=np.intp) if starts.which is None else np.asarray(starts.which, dtype=np.intp)
+    if which.shape != (len(q),) or not ((which >= 0) & (which < sets)).all():
+        raise InputError(
+            f"which must name one of the {sets} sets of parameters, from 0, for each of {len(q)} robots; "
+            f"got {which.tolist()}"
+        )
+    return q, v, times_of(starts.t, len(q)).copy(), which
+
+
+def wanted_times(t: Any) -> Array:
+    """Times at which a simulated motion is wanted, as floats, s.
+
+    Raises
+    ------
+    InputError
+        They are not finite numbers that increase from zero.
+    """
+    times = times_of(t, np.size(t))
+    if not (times.size and times[0] == 0 and (np.diff(times) > 0).all()):
+        raise InputError(
+            "the times of a simulated motion must begin with 0 and increase: they count from its start, and "
+            "Starts(t=...) says when that is"
+        )
+    return times
 
 
 def delay_of(source: TorqueSource) -> float:

@@ -20,6 +20,16 @@ from frischid.core.types import Array
 from frischid.errors import InputError
 
 
+def _as_floats(source: object, *names: str) -> None:
+    """Turn fields of a frozen source into arrays of floats; None stays None."""
+    for name in names:
+        given = getattr(source, name)
+        try:
+            object.__setattr__(source, name, None if given is None else np.asarray(given, dtype=float))
+        except (TypeError, ValueError) as error:
+            raise InputError(f"{name} must be an array of numbers, of rows of one length: {error}") from error
+
+
 class TorqueSource(Protocol):
     """Torque for K simulated robots."""
 
@@ -70,8 +80,11 @@ class RecordedTorque:
     tau: Array
 
     def __post_init__(self) -> None:
-        if self.tau.ndim != 2 or len(self.tau) != len(self.t) or len(self.t) < 2:
-            raise InputError(f"a recorded torque needs tau (N, J) with N ≥ 2 times, got {np.shape(self.tau)}")
+        _as_floats(self, "t", "tau")
+        if self.tau.ndim != 2 or self.t.shape != self.tau.shape[:1] or len(self.t) < 2:
+            raise InputError(
+                f"a recorded torque needs tau (N, J) with N ≥ 2 times, got {self.tau.shape} with {self.t.shape} times"
+            )
         if not (np.diff(self.t) > 0).all():
             raise InputError("the times of a recorded torque must increase")
         if not np.isfinite(self.tau).all():
@@ -118,7 +131,7 @@ class PositionController:
     Raises
     ------
     InputError
-        Shapes disagree, times do not increase, or the delay or a limit is negative.
+        Shapes disagree, times do not increase, a command or a gain is not finite, or the delay or a limit is negative.
 
     Examples
     --------
@@ -140,12 +153,22 @@ class PositionController:
     delay: float = 0.0
 
     def __post_init__(self) -> None:
+        _as_floats(self, "t", "q_cmd", "v_cmd", "feedforward")
+        if self.t.ndim != 1 or len(self.t) < 2 or not (np.diff(self.t) > 0).all():
+            raise InputError("a controller needs at least two commands, at increasing times")
+        if self.q_cmd.ndim != 2 or len(self.q_cmd) != len(self.t):
+            raise InputError(f"q_cmd must be (N, J) with the N = {len(self.t)} times, got {self.q_cmd.shape}")
         for name in ("q_cmd", "v_cmd", "feedforward"):
             values = getattr(self, name)
-            if values is not None and (np.ndim(values) != 2 or len(values) != len(self.t)):
-                raise InputError(f"{name} must be (N, J) with the N = {len(self.t)} times, got {np.shape(values)}")
-        if len(self.t) < 2 or not (np.diff(self.t) > 0).all():
-            raise InputError("a controller needs at least two commands, at increasing times")
+            if values is not None and values.shape != self.q_cmd.shape:
+                raise InputError(f"{name} must have the shape {self.q_cmd.shape} of q_cmd, got {values.shape}")
+            if values is not None and not np.isfinite(values).all():
+                row, column = np.argwhere(~np.isfinite(values))[0].tolist()
+                raise InputError(f"{name} of a controller is {values[row, column]} at row {row}, joint {column}")
+        _as_floats(self, *(name for name in ("kp", "kd", "limit", "dead_band") if np.ndim(getattr(self, name))))
+        for name in ("kp", "kd"):
+            if not np.isfinite(getattr(self, name)).all():
+                raise InputError(f"{name} of a controller must be finite, got {getattr(self, name)}")
         for name in ("limit", "dead_band", "delay"):
             if not (np.asarray(getattr(self, name)) >= 0).all():
                 raise InputError(f"{name} of a controller must not be negative, got {getattr(self, name)}")

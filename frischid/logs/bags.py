@@ -143,7 +143,7 @@ class _Bag:
     decode: Callable[[bytes], Any]
 
 
-@dataclass(frozen=True)
+@dataclass(frozen=True, eq=False)
 class _State:
     """One message: its stamp [ns], and numbers in the order of `names`."""
 

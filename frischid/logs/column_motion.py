@@ -34,7 +34,7 @@ STRIDES = (1, 2, 3, 4, 5, 6)
 """Distance of the columns of neighbouring joints: 1 in blocks, else the number of channels."""
 
 
-@dataclass(frozen=True)
+@dataclass(frozen=True, eq=False)
 class Grid:
     """Columns averaged over short stretches of equal length; y (M, K), step in seconds."""
 

@@ -16,6 +16,7 @@ from __future__ import annotations
 from collections.abc import Callable, Iterable, Iterator, Sequence
 from dataclasses import dataclass, replace
 from functools import cached_property
+from itertools import combinations
 from pathlib import Path
 from typing import Any
 
@@ -243,13 +244,18 @@ def brief(notes: Iterable[str], source: str) -> list[str]:
 
 
 def check_logs(logs: Sequence[Log | Recording], valid: Sequence[Log | Recording]) -> None:
-    """Refuse a log that is both fitted and held out.
+    """Refuse a log that is both fitted and held out, or that is named twice.
 
     Raises
     ------
     InputError
-        A log is in both lists.
+        A log is in both lists, or twice in one of them: its noise would count as two independent measurements.
     """
+    for several in (logs, valid):
+        for one, other in combinations(several, 2):
+            if one is other or (one.identity is not None and one.identity == other.identity):
+                names = one.source if one.source == other.source else f"{one.source} and {other.source}"
+                raise InputError(f"{names}: the same log is given twice, and would count twice; leave one out")
     for held in valid:
         for log in logs:
             if held is log or _same(held, log):

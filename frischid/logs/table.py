@@ -12,7 +12,7 @@ from frischid.errors import InputError, UnknownNameError
 from frischid.logs.log import Place, row_place
 
 
-@dataclass(frozen=True)
+@dataclass(frozen=True, eq=False)
 class Table:
     """A file's columns in their order; `unusable` gives the reason why a column is not numeric.
 

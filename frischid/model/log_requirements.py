@@ -1,13 +1,9 @@
-"""Channels that a log, and arrays that a motion, must have before a model can be used on them."""
+"""Channels that a log must have before a model can be used on it."""
 
 from __future__ import annotations
 
 from collections.abc import Sequence
-from typing import Any
 
-import numpy as np
-
-from frischid.core.types import Array
 from frischid.effects import Effect, State
 from frischid.errors import InputError
 from frischid.logs.log import Log, check_torque
@@ -59,27 +55,3 @@ def check_effects_act(robot: Robot, joints: Sequence[str], effects: Sequence[Eff
                     f"{effect}: the logs that the model was fitted to have no torque of {name}, so nothing shows this "
                     f"effect there; name joints whose torque was fitted: {', '.join(joints)}"
                 )
-
-
-def motion_of(joints: Sequence[str], q: Any, v: Any, a: Any) -> tuple[Array, Array, Array]:
-    """Positions, velocities and accelerations as arrays of floats, (N, J) each.
-
-    Parameters
-    ----------
-    joints : sequence of str
-        The robot's J joints.
-    q, v, a : array_like, shape (N, J) or (J,)
-
-    Raises
-    ------
-    InputError
-        An array does not have J columns, or the lengths differ.
-    """
-    q, v, a = (np.atleast_2d(np.asarray(x, dtype=float)) for x in (q, v, a))
-    for name, x in (("q", q), ("v", v), ("a", a)):
-        if x.ndim != 2 or x.shape[1] != len(joints) or len(x) != len(q):
-            raise InputError(
-                f"{name} has the shape {x.shape}; expected ({len(q)}, {len(joints)}): a row for each sample of q, a "
-                f"column for each of {', '.join(joints)}"
-            )
-    return q, v, a

@@ -21,7 +21,7 @@ from frischid.core.named_sequence import NamedSequence
 from frischid.core.shown import Shown
 from frischid.core.types import Array
 from frischid.effects import Effect, columns_of
-from frischid.errors import InputError
+from frischid.errors import InputError, UnknownNameError
 from frischid.estimators.frisch import Box
 from frischid.estimators.least_squares import Estimate
 from frischid.estimators.urdf_prior import UrdfPrior
@@ -33,7 +33,7 @@ from frischid.logs.preprocessing import Motion
 from frischid.logs.recording import Motions
 from frischid.logs.summary import Data
 from frischid.model.fit_record import FitRecord, half_width
-from frischid.model.log_requirements import check_logs_fit, motion_of
+from frischid.model.log_requirements import check_logs_fit
 from frischid.model.model_digest import check_digest, check_stored, text_of, without_hash
 from frischid.model.model_file import SCHEMA, read_json, read_records, robot_of
 from frischid.model.model_parts import (
@@ -50,6 +50,7 @@ from frischid.model.remembered_blocks import blocks_of
 from frischid.model.stored_paths import located
 from frischid.regression.block import Block
 from frischid.regression.regressor import Regressor
+from frischid.robot.motion_arrays import motion_of, times_of
 from frischid.robot.robot import Robot
 
 
@@ -156,7 +157,8 @@ class Model(Shown):
         Raises
         ------
         InputError
-            The arrays do not have a column for each of the robot's joints, or differ in length.
+            The arrays do not have a column for each of the robot's joints, or differ in length; or the times go
+            backwards, and an effect remembers the samples before.
         """
         Y, q, v, a = self._columns(q, v, a, t)
         known, torque = self.robot.known_torque(q, v, a), self.full_theta @ Y
@@ -164,9 +166,9 @@ class Model(Shown):
 
     def _columns(self, q: Array, v: Array, a: Array, t: Array | None) -> tuple[Array, Array, Array, Array]:
         """The regressor (N, C, J), and the motion as arrays of floats (N, J)."""
-        q, v, a = motion_of(self.robot.joints, q, v, a)
-        regressor = Regressor(self.robot, self.effects, self.reference)
-        return regressor(np.zeros(len(q)) if t is None else t, q, v, a), q, v, a
+        q, v, a = motion_of(self.robot.joints, q=q, v=v, a=a)
+        times = times_of(t, len(q), forward=any(effect.memory for effect in self.effects))
+        return Regressor(self.robot, self.effects, self.reference)(times, q, v, a), q, v, a
 
     def predict(
         self, q: Array, v: Array, a: Array, t: Array | None = None, *, interval: float = 0.9
@@ -248,11 +250,15 @@ class Model(Shown):
         ------
         InputError
             The model has base parameters only.
+        UnknownNameError
+            No parameter has this name.
         """
         if self.standard is None:
             raise InputError(
                 "this model has base parameters only; find links with `frischid consistent` (frischid.make_consistent)"
             )
+        if name not in self.standard:
+            raise UnknownNameError("parameter", name, self.standard)
         return self.standard[name]
 
     def check(self, logs: Sequence[Data]) -> None:

@@ -22,6 +22,7 @@ import numpy as np
 from scipy import special
 from scipy.spatial.transform import Rotation
 
+from frischid.core.text import listed
 from frischid.core.types import Array
 from frischid.effects.load import Payload
 from frischid.errors import IdentifiabilityError, InputError, NoBodyError, UnknownNameError
@@ -171,7 +172,8 @@ def payload(
     Raises
     ------
     InputError
-        A log cannot be used, or the model has a payload already.
+        A log cannot be used or is given twice, some logs are the model's own and others not, or the model has a payload
+        already.
     NoBodyError
         These logs show no body.
     IdentifiabilityError
@@ -196,14 +198,21 @@ def payload(
         raise InputError("the model has a payload already; give the model of the robot without it")
     if not logs:
         raise InputError("there is no log with the body; give at least one")
+    model.check(logs)
+    bare = [log.source for log in logs if model.made_from(log)]
+    if 0 < len(bare) < len(logs):
+        raise InputError(
+            f"the model of the robot without the body was fitted to {listed(bare)}, and all logs must be recorded with "
+            f"the same body; leave {'them' if len(bare) > 1 else 'it'} out"
+        )
     body = Payload(joints=(name,), full=True)
     regressor = Regressor(robot, (*model.effects, body), model.reference)
-    bare = len(Regressor(robot, model.effects, model.reference).columns)
-    felt = [LINK_PARAMETERS.index(c.name[1:].removesuffix(str(robot.numbers[name]))) for c in regressor.columns[bare:]]
+    first = len(Regressor(robot, model.effects, model.reference).columns)
+    felt = [LINK_PARAMETERS.index(c.name[1:].removesuffix(str(robot.numbers[name]))) for c in regressor.columns[first:]]
     if not felt:
         raise IdentifiabilityError(f"a body on the link of {name} changes no torque; name another link (carrier)")
     motions = model.motions(logs)
-    keep = [*model.base, *range(bare, len(regressor.columns))]
+    keep = [*model.base, *range(first, len(regressor.columns))]
     blocks = list(accumulate(regressor, list(motions), model.lowpass, model.joints, base=keep))
     p = len(model.base)
     robot_mass = max(float(robot.nominal[0::10].sum()), 1.0)

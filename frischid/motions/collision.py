@@ -23,6 +23,7 @@ import pinocchio as pin
 from numpy.typing import NDArray
 
 from frischid.core.types import Array
+from frischid.errors import InputError
 from frischid.robot.robot import Robot
 from frischid.robot.urdf_reading import robot_names
 
@@ -64,7 +65,15 @@ class Clearance:
             Height of the floor above the base, against gravity, m; None for no floor.
         margin : float
             Least distance, m.
+
+        Raises
+        ------
+        InputError
+            The height of the floor or the distance is not a finite number.
         """
+        for name, value in (("height of the floor", floor), ("least distance of two bodies", margin)):
+            if value is not None and not np.isfinite(value):
+                raise InputError(f"the {name} must be a finite number of m, got {value}")
         urdf, missing = _with_meshes(robot, "collision")
         notes = [f"no mesh file for {', '.join(missing)}: not checked for collision"] if missing else []
         geometry = _geometry(robot, urdf, pin.GeometryType.COLLISION)

@@ -91,8 +91,14 @@ class PlanOptions:
     starts: int = 1
 
     def __post_init__(self) -> None:
+        for name in ("size", "samples", "budget", "seed", "starts"):
+            value = getattr(self, name)
+            if value is not None and value % 1 != 0:
+                raise InputError(f"{name} of a plan must be a whole number, got {value}")
         if self.starts < 1:
             raise InputError(f"a search needs at least one start, got {self.starts}")
+        if self.budget < 1:
+            raise InputError(f"a search needs a budget of at least one evaluation, got {self.budget}")
         check_length(self.duration, self.seed)
         if self.family not in FAMILIES:
             raise UnknownNameError("family", self.family, FAMILIES)

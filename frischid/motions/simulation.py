@@ -71,12 +71,16 @@ def parameters_of(robot: Robot, effects: Sequence[Effect], values: Mapping[str, 
     ------
     UnknownNameError
         A name is not a parameter of this robot with these effects.
+    InputError
+        A value is not finite.
     """
     names = [c.name for c in Regressor(robot, effects).columns]
     theta = nominal_parameters(robot, effects)
     for name, value in (values or {}).items():
         if name not in names:
             raise UnknownNameError("parameter", name, names)
+        if not np.isfinite(value):
+            raise InputError(f"the parameter {name} must be a finite number, got {value}")
         theta[names.index(name)] = value
     return theta
 
@@ -121,9 +125,9 @@ def simulate(
     Raises
     ------
     InputError
-        The rate is not a positive number, or the trajectory has another number of joints.
+        The rate is not a positive number, a parameter is not finite, or the trajectory has another number of joints.
     UnknownNameError
-        A name in `parameters` is not a parameter of this robot with these effects.
+        A name in `parameters` is not a parameter of this robot with these effects, or a channel is not v or a.
 
     Examples
     --------
@@ -138,6 +142,9 @@ def simulate(
     True
     """
     check_rate(rate, trajectory.duration, seed)
+    for channel in channels:
+        if channel not in ("v", "a"):
+            raise UnknownNameError("channel", channel, ["v", "a"])
     noise = noise or Noise()
     rng = np.random.default_rng(seed)
     t = np.arange(round(trajectory.duration * rate) + 1) / rate

@@ -119,7 +119,7 @@ class Quintic:
     Raises
     ------
     InputError
-        There are fewer than two points, or their times do not increase.
+        There are fewer than two points, their times do not increase, or a point is not of finite numbers.
 
     Examples
     --------
@@ -140,8 +140,21 @@ class Quintic:
     a: Array
 
     def __post_init__(self) -> None:
-        if len(self.t) < 2 or (np.diff(self.t) <= 0).any():
+        for name in ("t", "q", "v", "a"):
+            try:
+                object.__setattr__(self, name, np.asarray(getattr(self, name), dtype=float))
+            except (TypeError, ValueError) as error:
+                raise InputError(f"{name} of points to interpolate must be an array of numbers: {error}") from error
+        if self.t.ndim != 1 or len(self.t) < 2 or not (np.diff(self.t) > 0).all():
             raise InputError("points to interpolate need at least two strictly increasing times")
+        for name, x in (("q", self.q), ("v", self.v), ("a", self.a)):
+            if x.ndim != 2 or len(x) != len(self.t) or x.shape != self.q.shape:
+                raise InputError(
+                    f"{name} of points to interpolate has the shape {x.shape}; expected ({len(self.t)}, J): a row for "
+                    "each time, a column for each joint"
+                )
+            if not np.isfinite(x).all():
+                raise InputError(f"{name} of point {int(np.argwhere(~np.isfinite(x))[0, 0])} is not finite")
 
     @property
     def duration(self) -> float:

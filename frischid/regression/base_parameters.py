@@ -47,7 +47,7 @@ _EXACT = 1e-9  # difference from 1 below which a coefficient is written without 
 _MISALIGNED = 100.0  # × tol: error of an exact relation when an angle is written 1.5708 (off by 3.7e-6 rad)
 
 
-@dataclass(frozen=True)
+@dataclass(frozen=True, eq=False)
 class Reduction:
     """The parameters that are identifiable, alone or in combination, and the base parameters.
 

@@ -26,7 +26,7 @@ HALVED_ABOVE = 2**20
 """Bytes of moments above which only a triangle is kept; a triangle of a smaller one costs time and saves little."""
 
 
-@dataclass(frozen=True)
+@dataclass(frozen=True, eq=False)
 class Gram:
     """Moments of [Y τ] per joint.
 

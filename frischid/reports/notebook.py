@@ -18,9 +18,12 @@ from markupsafe import Markup
 from frischid import figures
 from frischid.diagnosis.clause import missing
 from frischid.diagnosis.diagnosis import Diagnosis
+from frischid.diagnosis.motion_space import MotionDiagnosis
 from frischid.errors import InputError
 from frischid.figures.robot_picture import robot_picture
 from frischid.figures.style import BLUE, GREEN, MEASURED, number
+from frischid.forward.motion_error import MotionComparison
+from frischid.forward.output_error import OutputError
 from frischid.model.comparison import Comparison
 from frischid.model.headline import Headline, headline_of
 from frischid.model.identification import Identification
@@ -63,11 +66,12 @@ def _on_request(result: Any, heading: str) -> bool:
     """Whether a column is only in ``.to_frame()``: what an expression says already, bounds, and one value for all."""
     if isinstance(result, Diagnosis):
         return heading == "error before"
-    return isinstance(result, Model | Identification) and heading in ("joint", "effect", *_bounds(result))
+    fitted = isinstance(result, Model | Identification | OutputError)
+    return fitted and heading in ("joint", "effect", *_bounds(result))
 
 
-def _bounds(result: Model | Identification) -> list[str]:
-    bounds = (result.model if isinstance(result, Identification) else result).bounds
+def _bounds(result: Model | Identification | OutputError) -> list[str]:
+    bounds = (result if isinstance(result, Model) else result.model).bounds
     return [f"{name} {side}" for name in bounds for side in ("lower", "upper")]
 
 
@@ -104,6 +108,26 @@ def _after_diagnosis(result: Diagnosis) -> tuple[str, str]:
 @next_of.register
 def _after_plan(result: Plan) -> tuple[str, str]:
     return "record this motion, and identify", 'fr.identify(robot, [fr.read_log("log.csv", robot.joints)])'
+
+
+@next_of.register
+def _after_motion(result: MotionComparison) -> tuple[str, str]:
+    return "which effect changes the motion?", "fr.simulate_findings(model, fr.diagnose(model, logs), logs)"
+
+
+@next_of.register
+def _after_motion_diagnosis(result: MotionDiagnosis) -> tuple[str, str]:
+    for k, simulated in enumerate(result.findings):
+        finding = simulated.finding
+        if not simulated.refused and simulated.ratio < 1.0 and finding.significant and finding.members:
+            it = f"simulated.findings[{k}].finding"
+            return f"add {finding.effect} and see the error", f"fr.add(model, {it}.members, logs, finding={it})"
+    return "how far does the simulated motion go?", "fr.compare_simulated(model, logs)"
+
+
+@next_of.register
+def _after_output_error(result: OutputError) -> tuple[str, str]:
+    return "how far does the simulated motion go?", "fr.compare_simulated(fitted.model, logs)"
 
 
 @singledispatch
@@ -169,6 +193,36 @@ def _of_plan(result: Plan) -> dict[str, list[Any]]:
     return found
 
 
+@columns_of.register
+def _of_motion(result: MotionComparison) -> dict[str, list[Any]]:
+    rows = (*result.horizons, result.whole)
+    found: dict[str, list[Any]] = {
+        "horizon": ["whole log" if h.horizon is None else f"{h.horizon:g} s" for h in rows],
+        "tip, mm": [h.tip for h in rows],
+        "tip of the URDF with fitted friction, mm": [h.urdf_tip for h in rows],
+    }
+    for joint in result.whole.joints:
+        found[f"{joint}, rad (m)"] = [h.joints[joint] for h in rows]
+    return found
+
+
+@columns_of.register
+def _of_motion_diagnosis(result: MotionDiagnosis) -> dict[str, list[Any]]:
+    found = result.findings
+    return {
+        "effect": [x.finding.effect for x in found],
+        "joints": [", ".join(x.finding.joints) or "the robot" for x in found],
+        "probability": [x.finding.probability for x in found],
+        "simulated error, times that without": [None if x.refused else x.ratio for x in found],
+        "why it is not simulated": [x.refused for x in found],
+    }
+
+
+@columns_of.register
+def _of_output_error(result: OutputError) -> dict[str, list[Any]]:
+    return columns_of(result.model)
+
+
 @singledispatch
 def figure_of(result: Any) -> go.Figure:
     """The figure that says most of a result."""
@@ -213,6 +267,41 @@ def _diagnosed(result: Diagnosis) -> go.Figure:
     return figures.style.drawing("", "", figure, 120 + 28 * len(names)).figure
 
 
+@figure_of.register
+def _moved(result: MotionComparison) -> go.Figure:
+    rows = [h for h in result.horizons if h.horizon is not None]
+    figure = go.Figure()
+    tips = (([h.tip for h in rows], "the model", BLUE), ([h.urdf_tip for h in rows], "the URDF", MEASURED))
+    for y, said, colour in tips:
+        figure.add_scatter(
+            x=[h.horizon for h in rows],
+            y=[x if np.isfinite(x) else None for x in y],
+            mode="lines+markers",
+            name=said,
+            line={"color": colour},
+        )
+    figure.update_xaxes(title="horizon, s", type="log")
+    figure.update_yaxes(title="error at the tip, mm", type="log")
+    return figures.style.drawing("", "", figure, 320).figure
+
+
+@figure_of.register
+def _moved_with_findings(result: MotionDiagnosis) -> go.Figure:
+    shown = [x for x in result.findings if not x.refused][:FINDINGS_DRAWN][::-1]
+    names = [f"{x.finding.effect} {', '.join(x.finding.joints)}".strip() for x in shown]
+    figure = go.Figure()
+    figure.add_bar(x=[x.ratio for x in shown], y=names, orientation="h", marker={"color": BLUE}, name="with it")
+    figure.add_vline(x=1.0, line={"dash": "dash", "color": MEASURED})
+    figure.update_xaxes(title="error of the simulated motion, times that without the effect", rangemode="tozero")
+    figure.update_yaxes(automargin=True)
+    return figures.style.drawing("", "", figure, 120 + 28 * len(names)).figure
+
+
+@figure_of.register
+def _refitted(result: OutputError) -> go.Figure:
+    return figures.intervals(result.model).figure
+
+
 def frame_of(result: Any, backend: str) -> Any:
     """The table of a result as a data frame."""
     here = [name for name in BACKENDS if find_spec(name)]  # pyarrow is always there
@@ -229,7 +318,7 @@ def _model_of(result: Any) -> Model | None:
         return None if result.fit is None else result.fit.model
     if isinstance(result, Model):
         return result
-    return result.model if isinstance(result, Identification) else None
+    return result.model if isinstance(result, Identification | OutputError) else None
 
 
 def _error_of(result: Any) -> Headline | None:
@@ -250,4 +339,4 @@ def _picture(model: Model, error: Headline) -> str:
 def _text(x: Any) -> str:
     if isinstance(x, bool):
         return "yes" if x else "–"
-    return number(x) if isinstance(x, float) else str(x)
+    return number(x) if x is None or isinstance(x, float) else str(x)

@@ -19,7 +19,7 @@ LARGEST_LIMIT = 1e6
 """A position (rad, m), velocity (rad/s, m/s) or effort (N·m, N) as large as this is a placeholder; no robot has it."""
 
 
-@dataclass(frozen=True)
+@dataclass(frozen=True, eq=False)
 class JointLimits:
     """URDF limits of the joints, each of shape (J,): rad (m), rad/s (m/s), N·m (N)."""
 

@@ -36,6 +36,20 @@ def is_mjcf(text: str) -> bool:
     return found is not None and "<robot" not in text[: found.start()]
 
 
+def model_of_mjcf(path: Path) -> Any:
+    """Pinocchio's model of an MJCF file.
+
+    Raises
+    ------
+    InputError
+        Pinocchio cannot read the file.
+    """
+    try:
+        return pin.buildModelFromMJCF(str(path))
+    except (ValueError, RuntimeError, IndexError) as error:
+        raise InputError(f"{path}: Pinocchio cannot build a model from this MJCF: {error}") from error
+
+
 def urdf_of_mjcf(path: Path) -> str:
     """Convert an MJCF file to the text of a URDF.
 
@@ -44,10 +58,7 @@ def urdf_of_mjcf(path: Path) -> str:
     InputError
         Pinocchio cannot read the file, or a joint is neither hinge nor slide.
     """
-    try:
-        model = pin.buildModelFromMJCF(str(path))
-    except (ValueError, RuntimeError, IndexError) as error:
-        raise InputError(f"{path}: Pinocchio cannot build a model from this MJCF: {error}") from error
+    model = model_of_mjcf(path)
     names = list(model.names)
     for index in range(1, model.njoints):
         joint = model.joints[index]

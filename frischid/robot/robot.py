@@ -32,6 +32,7 @@ from frischid.errors import InputError, UnknownNameError
 from frischid.robot.inertia import parameter_transform
 from frischid.robot.joint_limits import JointLimits, read_limits
 from frischid.robot.mimics import MimicRule, mimic_rules
+from frischid.robot.motion_arrays import motion_of
 from frischid.robot.pinocchio_model import build_model, configurations, frame_placement, gravity_in_base, with_inertias
 from frischid.robot.urdf_numbers import LARGEST_QUANTITY
 from frischid.robot.urdf_reading import joint_armature, joint_dynamics, parse_urdf, read_urdf
@@ -318,6 +319,7 @@ class Robot:
 
     def inverse_dynamics(self, q: Array, v: Array, a: Array) -> Array:
         """Rigid-body torque with the URDF's own parameters (recursive Newton-Euler): (N, J) each -> (N, J)."""
+        q, v, a = motion_of(self.joints, q=q, v=v, a=a)
         model, data = self.model, self.data
         rows = zip(self.configuration(q), self.full_rates(v), self.full_rates(a), strict=True)
         torque = np.array([pin.rnea(model, data, x, y, z) for x, y, z in rows]).reshape(-1, model.nv)

@@ -6,6 +6,9 @@ If Pinocchio's parser cannot read one number of an inertial, it drops the whole 
 link then weighs nothing. So every number of the dynamics is read here first. A number that cannot be read, is not
 finite or is above `LARGEST_QUANTITY` is an error that names its line. A mass must not be negative.
 
+An XML parser turns tabs and line breaks of an attribute into spaces, and entities into text. Pinocchio's parser does
+neither. So the numbers must stand in the file itself as they are read.
+
 Format: URDF, https://wiki.ros.org/urdf/XML.
 """
 
@@ -17,8 +20,9 @@ from collections.abc import Mapping
 from xml.parsers import expat
 
 from frischid.errors import InputError
+from frischid.robot.urdf_edit import end_of_tag
 
-NUMBER_PATTERN = re.compile(r"[+-]?(\d+\.?\d*|\.\d+)([eE][+-]?\d+)?")
+NUMBER_PATTERN = re.compile(r"[+-]?(\d+\.?\d*|\.\d+)([eE][+-]?\d+)?", re.ASCII)
 """A number that Pinocchio's parser can read: plain digits, without a space or a comma."""
 
 LARGEST_QUANTITY = 1e9
@@ -67,7 +71,7 @@ def check_numbers(text: str, source: str) -> None:
     Traceback (most recent call last):
     frischid.errors.InputError: arm.urdf, line 1: value="10,5" of <mass> of link 'arm' is not a finite number; ...
     """
-    parser = expat.ParserCreate()
+    parser, data = expat.ParserCreate(), text.encode()
     path: list[str] = []
     owner = ""
 
@@ -79,7 +83,10 @@ def check_numbers(text: str, source: str) -> None:
         place = tuple(path[1:])
         if place in _NUMBERS:
             where = f"{source}, line {parser.CurrentLineNumber}"
-            _check_element(_NUMBERS[place], attributes, place in _REQUIRED, (where, f"<{tag}> of {owner}"))
+            element = where, f"<{tag}> of {owner}"
+            _check_element(_NUMBERS[place], attributes, place in _REQUIRED, element)
+            written = data[parser.CurrentByteIndex : end_of_tag(data, parser.CurrentByteIndex)].decode()
+            _check_written(_NUMBERS[place], attributes, written, element)
 
     def end(_: str) -> None:
         path.pop()
@@ -110,6 +117,17 @@ def _check_element(
             )
         if element.startswith("<mass>") and float(written) < 0:
             raise InputError(f"{said} is negative; a mass is zero or more: correct the number")
+
+
+def _check_written(quantities: Quantities, attributes: Mapping[str, str], tag: str, place: tuple[str, str]) -> None:
+    """Check that the text of a start tag holds the numbers that an XML parser reads there."""
+    for name in quantities.keys() & attributes.keys():
+        if not re.search(rf"\s{name}\s*=\s*([\"']){re.escape(attributes[name])}\1", tag):
+            line, element = place
+            raise InputError(
+                f'{line}: {name}="{attributes[name]}" of {element} is written with tabs, line breaks or entities, '
+                "which parsers of URDF do not read; write digits, with spaces between numbers"
+            )
 
 
 def _is_number(text: str) -> bool:

@@ -327,6 +327,10 @@ def test_values_that_are_none(logs):
     refused(["duration must be 0.01 to 3600 s"], *simulate, "--duration", -1)
     refused(["noise q must be"], *simulate, "--noise-q", -1)
     refused(["off1", "'much' is not a number"], *simulate, "--set", "off1=much")
+    refused(["parameter off1 must be a finite number, got nan"], *simulate, "--set", "off1=nan")
+    refused(["off1 has two values, 1 and 2"], *simulate, "--set", "off1=1", "--set", "off1=2")
+    refused(["my1 has two values"], *identify, "--known", "my1=0", "--known", "my1=0.5")
+    refused(["--lock joint2=nan", "finite number of rad"], *identify, "--lock", "joint2=nan")
     refused(["three finite numbers"], "info", "planar2", "--gravity", "nan", 0, 0)
 
 

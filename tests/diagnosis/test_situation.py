@@ -3,6 +3,7 @@
 from functools import cache
 
 import numpy as np
+import pytest
 
 import frischid as fr
 from frischid.diagnosis.change_prior import weak_urdf_prior
@@ -61,3 +62,26 @@ def test_an_effect_that_was_always_missing_is_found_in_new_logs():
     found = fr.diagnose(fr.identify(machine, logs[:1], recursion="none").model, logs[1:], situation="always")
     assert (found.verdict, found.findings[0].effect) == ("effect", "joint_spring")
     assert found.findings[0].share > 0.95
+
+
+@pytest.mark.parametrize(
+    "call",
+    [
+        lambda m, logs, **given: fr.diagnose(m, logs, **given),
+        lambda m, logs, **given: fr.diagnose_in_roles(m, logs, **given),
+        lambda m, logs, **given: fr.improve(m, logs, **given),
+        lambda m, logs, **given: fr.add(m, fr.parse_effects("stribeck"), logs, **given),
+    ],
+)
+def test_a_situation_that_does_not_exist_is_refused(call):
+    """It had been taken for `always`."""
+    log = log_of(1, 5)
+    with pytest.raises(fr.InputError, match=r"unknown situation 'altered'; .* always, auto, changed"):
+        call(model(), [log], situation="altered")
+
+
+def test_nothing_to_add_is_said():
+    with pytest.raises(fr.InputError, match="there is no effect to add"):
+        fr.add(model(), [], [log_of(1, 5)])
+    with pytest.raises(fr.InputError, match="there is no log to fit"):
+        fr.add(model(), fr.parse_effects("stribeck"), [])

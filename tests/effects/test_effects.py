@@ -754,3 +754,7 @@ def test_every_symbol_of_an_equation_is_explained(name):
     letters = {LIKEWISE.get(x, x) for x in re.findall(r"[^\W\d²³][^\W²³]*[\u0300-\u036f]*", kind.equation)}
     assert letters - {*WORDS.split()} <= set(explained)
     assert all(explained.values())
+
+
+def test_one_sample_is_not_warm():
+    assert heat(np.array([3.0]), np.array([2.0]), 10.0, 2.0).tolist() == [0.0]

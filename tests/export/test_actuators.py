@@ -7,12 +7,15 @@ import xml.etree.ElementTree as ET
 from dataclasses import replace
 
 import pytest
+from cases import robot as mixed
 from click.testing import CliRunner
 
 import frischid as fr
 from frischid.cli import main
+from frischid.cli.pages import joint_drives
 from frischid.export.actuators import actuator_rows
 from frischid.export.mjcf_edit import _positions
+from frischid.model.amperes import JointCurrents
 
 TRUTH = {"fv1": 0.8, "fc1": 0.6, "Ia1": 0.3, "fv2": 0.5, "fc2": 0.4, "Ia2": 0.2}
 
@@ -55,6 +58,29 @@ def test_a_value_that_the_motion_does_not_show_is_open(robot):
     found = {(x.joint, x.quantity): x for x in fr.drive_parameters(fr.identify(robot, [log], recursion="none").model)}
     assert found["joint1", "viscous"].known == "identified"
     assert found["joint2", "armature"].known == "open"  # there is none: the range reaches zero
+
+
+def test_columns_have_the_units_of_joints_that_turn_and_of_joints_that_slide():
+    """A robot whose last joint slides had had N·s/m for all of its joints."""
+    machine = mixed("mixed mimic")
+    log = fr.simulate(machine, fr.random_fourier(machine, 8.0, seed=3), rate=50.0, noise=fr.Noise(tau=1e-3))
+    found = fr.identify(machine, [log], recursion="none").model
+    said = [str(column.header) for column in joint_drives.drives(found).columns]
+    assert any({"armature", "kg·m²", "or", "kg"} == set(x.split()) for x in said)
+    assert any({"viscous", "N·m·s/rad", "or", "N·s/m"} == set(x.split()) for x in said)
+    draws = [JointCurrents(name, (1.0, 0.1), None, (1.0, 0.1), (0.0, 1.0)) for name in machine.joints]
+    said = [str(column.header) for column in joint_drives.amperes(draws, machine).columns]
+    assert any({"viscous", "A·s/rad", "or", "A·s/m"} == set(x.split()) for x in said)
+    assert any({"rotor", "A·s²/rad", "or", "A·s²/m"} == set(x.split()) for x in said)
+
+
+def test_an_option_that_a_table_of_drives_has_no_use_for_is_refused(model, tmp_path):
+    for given, words in (({"into": "arm.xml"}, "--into"), ({"boxes": {"joint1": ((0, 0, 0), (1, 1, 1))}}, "--box")):
+        with pytest.raises(fr.InputError, match=f"{words} .* a table of drives has none"):
+            fr.export(model, tmp_path / "drives.csv", **given)
+    with pytest.raises(fr.InputError, match="positive time in s, got inf"):
+        fr.export(model, tmp_path / "drives.csv", step=float("inf"))
+    assert not list(tmp_path.iterdir())
 
 
 def test_csv_and_json_hold_the_same_rows(model, tmp_path):

@@ -153,6 +153,8 @@ def test_what_cannot_be():
         KnownPayload(MASS, centre=[0.0, 1.0])
     with pytest.raises(InputError, match="neither current_<joint> nor tau_<joint>"):
         find_gains(machine, [unloaded], [replace(loaded, current=None)], PAYLOAD)
+    with pytest.raises(IdentifiabilityError, match="logs with and without the payload exchanged"):
+        find_gains(machine, [loaded], [unloaded], PAYLOAD)
     with pytest.raises(IdentifiabilityError):  # nothing was loaded
         find_gains(machine, [unloaded], [], PAYLOAD)
 

@@ -141,6 +141,14 @@ def test_the_urdf_has_the_models_rigid_torque(name, tmp_path):
     assert done.difference < 1e-6
 
 
+def test_a_urdf_says_the_gravity_that_it_cannot_hold(tmp_path):
+    """Loaded with the usual gravity, the file of a tilted robot has other torques."""
+    said = [x for x in export(physical("ur10 far_end tilted"), tmp_path / "tilted.urdf").notes if "gravity" in x]
+    assert len(said) == 1
+    assert "(-7.684, -2.375, -5.617) m/s² in the base" in said[0]
+    assert not [x for x in export(physical("planar2"), tmp_path / "robot.urdf").notes if "gravity" in x]
+
+
 def _by_links(model, q, v, a):
     """Torque of the identified links through the robot's own regressor."""
     bare = Robot.from_dict({**model.robot.to_dict(), "known": {}})

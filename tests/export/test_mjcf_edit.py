@@ -158,6 +158,24 @@ def test_what_cannot_be_converted_is_said(tmp_path):
         Robot.load(tmp_path / "broken.xml")
 
 
+def test_a_file_of_the_user_that_cannot_be_read_is_named(path, tmp_path):
+    robot = Robot.load(path)
+    log = simulate(robot, random_fourier(robot, 8, seed=1), rate=50, noise=Noise(tau=0.01))
+    model = identify(robot, [log], recursion="none").model
+    with pytest.raises(InputError, match=r"gone.xml: the MJCF file cannot be read \(No such file or directory\)"):
+        export(model, tmp_path / "new.xml", into=tmp_path / "gone.xml")
+    (tmp_path / "arm.urdf").write_text(robot.urdf)
+    with pytest.raises(InputError, match=r"arm.urdf: Pinocchio cannot build a model from this MJCF"):
+        export(model, tmp_path / "new.xml", into=tmp_path / "arm.urdf")
+    (tmp_path / "latin.xml").write_bytes(path.read_bytes() + "<!-- Gerät -->".encode("latin-1"))
+    with pytest.raises(InputError, match=r"latin.xml: byte \d+ is not UTF-8"):
+        export(model, tmp_path / "new.xml", into=tmp_path / "latin.xml")
+    for name in ("new.urdf", "new.c"):
+        with pytest.raises(InputError, match=r"--into .* writes MJCF only"):
+            export(model, tmp_path / name, into=path)
+    assert not list(tmp_path.glob("new*"))
+
+
 @pytest.mark.parametrize("effects", ["", "viscous@elbow", "coulomb, rotor_inertia@elbow"])
 def test_the_file_keeps_no_armature_and_no_friction_that_the_model_has_not(tmp_path, path, effects):
     path.write_text(

@@ -188,3 +188,49 @@ def test_joints_without_torque_are_named():
     model = quick(machine, [exact_log(machine, ())], effects=(), prior="none", torque_joints=["joint1"]).model
     with pytest.raises(InputError, match="joint2"):
         ForwardDynamics(model)
+
+
+SOURCE = RecordedTorque([0.0, 1.0], [[0.0, 0.0], [0.0, 0.0]])
+START = Starts([[0.0, 0.0]], [[0.0, 0.0]])
+
+
+@pytest.mark.parametrize(
+    ("call", "words"),
+    [
+        (lambda f: f.acceleration(np.zeros((3, 2)), np.zeros((3, 2)), np.ones((3, 1))), r"tau has the shape \(3, 1\)"),
+        (lambda f: f.acceleration(np.zeros((3, 2)), np.zeros((3, 2)), np.zeros((3, 2)), 0), r"t has the shape \(\)"),
+        (lambda f: f.mass_matrix(np.zeros((3, 3))), r"q has the shape \(3, 3\); expected \(3, 2\)"),
+        (lambda f: f.mass_matrix(np.zeros((3, 2)), which=1), "one of the 1 sets of parameters"),
+        (lambda f: f.simulate(SOURCE, START, [0.0, 0.2, 0.1]), "must begin with 0 and increase"),
+        (lambda f: f.simulate(SOURCE, START, []), "must begin with 0 and increase"),
+        (lambda f: f.simulate(SOURCE, Starts([[0.0, np.nan]], [[0.0, 0.0]]), [0.0, 0.1]), "q = nan at joint2"),
+        (lambda f: f.simulate(RecordedTorque([0, 1], [[1], [1]]), START, [0.0, 0.1]), r"gives the shape \(1, 1\)"),
+        (lambda f: ForwardDynamics(f.model, np.zeros(3)), r"theta has the shape \(1, 3\)"),
+    ],
+)  # fmt: skip
+def test_arrays_of_another_shape_are_refused_and_not_broadcast(call, words):
+    forward = ForwardDynamics(model_of(robot("planar2"), ()))
+    with pytest.raises(InputError, match=words):
+        call(forward)
+
+
+def test_lists_are_arrays_and_one_state_is_a_row():
+    forward = ForwardDynamics(model_of(robot("planar2"), ()))
+    assert forward.mass_matrix([0, 0]).shape == (1, 2, 2)
+    assert forward.acceleration([0, 0], [0, 0], [0, 0]).shape == (1, 2)
+    hold = PositionController([0, 1], [[0, 0], [0, 0]], kp=[10, 1], kd=1)
+    assert forward.simulate(hold, START, [0, 0.1]).q.shape == (1, 2, 2)
+
+
+@pytest.mark.parametrize(
+    ("wrong", "words"),
+    [
+        ({"kp": np.nan}, "kp of a controller must be finite"),
+        ({"v_cmd": np.zeros((2, 1))}, r"v_cmd must have the shape \(2, 2\) of q_cmd"),
+        ({"q_cmd": [[0.0, 0.0], [0.0, np.nan]]}, "q_cmd of a controller is nan at row 1, joint 1"),
+        ({"t": [0.0, 0.0]}, "at increasing times"),
+    ],
+)
+def test_a_controller_that_gives_no_number_is_refused(wrong, words):
+    with pytest.raises(InputError, match=words):
+        PositionController(**{"t": [0.0, 1.0], "q_cmd": np.zeros((2, 2)), "kp": 1.0, "kd": 1.0} | wrong)

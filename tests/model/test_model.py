@@ -15,8 +15,9 @@ from hypothesis.extra.numpy import arrays
 from frischid.cli import main
 from frischid.core.files import check_writable
 from frischid.effects import BASELINE, columns_of, parse_effects
-from frischid.errors import InputError
+from frischid.errors import InputError, UnknownNameError
 from frischid.estimators.frisch import Box
+from frischid.export.consistency import make_consistent
 from frischid.logs.filters import LowPass
 from frischid.logs.recording import Recording
 from frischid.model.identification import identify
@@ -447,3 +448,22 @@ def test_a_motion_of_the_wrong_shape_is_refused(wrong):
     q = np.zeros((10, 2))
     with pytest.raises(InputError, match=r"a has the shape .*; expected \(10, 2\): .* joint1, joint2"):
         model().inverse_dynamics(q, q, wrong)
+
+
+def test_times_of_the_wrong_length_or_order_are_refused():
+    q, motion = np.zeros((3, 2)), np.zeros((3, 2))
+    for t, words in (
+        ([0.0, 1.0], r"t has the shape \(2,\); expected \(3,\)"),
+        ([0, np.nan, 1], r"t\[1\] is not a finite"),
+    ):
+        with pytest.raises(InputError, match=words):
+            model().inverse_dynamics(q, motion, motion, t)
+    warm = replace(model(), effects=parse_effects("self_heating"), standard=None, base=(), estimate=model().estimate)
+    with pytest.raises(InputError, match=r"t\[2\] = 0.5 s lies before t\[1\] = 1 s"):
+        warm.friction(q, motion, t=[0.0, 1.0, 0.5])
+
+
+def test_a_parameter_that_does_not_exist_is_named():
+    physical = make_consistent(model()).model
+    with pytest.raises(UnknownNameError, match=r"unknown parameter 'fv3'; did you mean: fv2, fv1"):
+        physical.parameter("fv3")

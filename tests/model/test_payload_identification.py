@@ -2,6 +2,7 @@
 
 import json
 import os
+from dataclasses import replace
 from functools import cache
 from pathlib import Path
 
@@ -82,6 +83,25 @@ def test_what_cannot_be_done_is_said():
         payload(bare(), [loaded()], frame="tool9")
     with pytest.raises(InputError, match="no log"):
         payload(bare(), [])
+
+
+def test_logs_of_which_some_are_without_the_body_are_refused():
+    """Half of 2 kg, with a bound of a tenth of that, was the answer."""
+    own = simulate(UR, random_fourier(UR, 15, seed=1), rate=100, noise=NOISE)
+    assert bare().made_from(own)
+    with pytest.raises(InputError, match=r"was fitted to simulated, and all logs .* same body; leave it out"):
+        payload(bare(), [loaded(), own])
+
+
+def test_a_log_that_is_given_twice_is_refused():
+    """It had counted twice, so the bounds were those of twice as many samples."""
+    again = simulate(UR, random_fourier(UR, 15, seed=1), rate=100, noise=NOISE)
+    for call in (
+        lambda: payload(bare(), [loaded(), loaded()]),
+        lambda: identify(UR, [again, replace(again, source="copy")]),
+    ):
+        with pytest.raises(InputError, match="the same log is given twice"):
+            call()
 
 
 def test_the_command(tmp_path):

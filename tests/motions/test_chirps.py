@@ -166,3 +166,6 @@ def test_a_clamped_leg_has_no_floor(tmp_path):
     wrong = CliRunner().invoke(main, [*line, "--floor", "high"])
     assert wrong.exit_code != 0
     assert "--floor" in wrong.output + str(wrong.exception)
+    for height in ("nan", "inf"):  # a floor at NaN had been none
+        wrong = CliRunner().invoke(main, [*line, "--floor", height])
+        assert f"height of the floor must be a finite number of m, got {height}" in " ".join(wrong.output.split())

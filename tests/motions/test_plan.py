@@ -311,6 +311,9 @@ def test_a_mesh_without_a_hull_is_taken_as_it_is():
         ({"samples": 1}, "at least 2 samples"),
         ({"samples": 5}, "10 equations for 13 base parameters; use 20"),
         ({"family": "points", "samples": 7}, "leave the samples out"),
+        ({"budget": 0}, "budget of at least one evaluation, got 0"),
+        ({"seed": 1.5}, "seed of a plan must be a whole number, got 1.5"),
+        ({"size": 6.5}, "size of a plan must be a whole number, got 6.5"),
     ],
 )
 def test_bad_requests(options, message):

@@ -56,6 +56,14 @@ def test_unknown_parameter():
         simulate(PLANAR, MOTION, rate=50.0, parameters={"fv3": 1.0})
 
 
+def test_a_parameter_or_a_channel_that_is_none_is_refused():
+    """A torque of NaN in all rows would be a log without torque."""
+    with pytest.raises(InputError, match="parameter fv1 must be a finite number, got nan"):
+        simulate(PLANAR, MOTION, rate=50.0, parameters={"fv1": np.nan})
+    with pytest.raises(UnknownNameError, match="unknown channel 'w'"):
+        simulate(PLANAR, MOTION, rate=50.0, channels=("v", "w"))
+
+
 def test_noise_has_the_asked_size():
     exact = simulate(PLANAR, MOTION, rate=500.0)
     noise = Noise(q=1e-3, v=2e-2, a=0.3, tau=0.1)

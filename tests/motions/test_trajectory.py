@@ -84,3 +84,23 @@ def test_bad_requests():
         Quintic(np.zeros(2), *np.zeros((3, 2, 1)))
     with pytest.raises(InputError, match=r"must be 0.01 to 3600 s"):
         random_fourier(Robot.load("planar2"), -1.0, seed=0)
+
+
+@pytest.mark.parametrize(
+    ("points", "words"),
+    [
+        (([0, np.nan], [[0], [1]], [[0], [0]], [[0], [0]]), "strictly increasing"),
+        (([0, 1], [[0], [1]], [[0, 0], [0, 0]], [[0], [0]]), r"v of points .* has the shape \(2, 2\)"),
+        (([0, 1], [[0]], [[0]], [[0]]), r"q of points .* has the shape \(1, 1\); expected \(2, J\)"),
+        (([0, 1], [[0], [1]], [[0], [np.inf]], [[0], [0]]), "v of point 1 is not finite"),
+        (([0, 1], [[0], [1, 2]], [[0], [0]], [[0], [0]]), "q of points to interpolate must be an array of numbers"),
+    ],
+)
+def test_points_that_are_none_are_refused(points, words):
+    with pytest.raises(InputError, match=words):
+        Quintic(*points)
+
+
+def test_points_may_be_lists():
+    q, _, _ = Quintic([0, 1], [[0], [1]], [[0], [0]], [[0], [0]])(np.array([0.5]))
+    assert q.tolist() == [[0.5]]

@@ -88,6 +88,10 @@ WRONG_NUMBERS = {
     "a letter behind": ('iyy="0.06"', 'iyy="0.23x"', ["<inertia> of link 'upper'", 'iyy="0.23x"']),
     "no iyy": ('iyy="0.06"', "", ["<inertia> of link 'upper' has no iyy"]),
     "two numbers": ('xyz="0.1 0.02 -0.03"', 'xyz="0.1 0.02"', ["<origin> of link 'upper'", 'xyz="0.1 0.02"', "3 "]),
+    "tabs": ('xyz="0.1 0.02 -0.03"', 'xyz="0.1\t0.02\t-0.03"', ["<origin> of link 'upper'", "tabs, line breaks"]),
+    "a line break": ('xyz="0.1 0.02 -0.03"', 'xyz="0.1\n0.02 -0.03"', ["<origin> of link 'upper'", "line breaks"]),
+    "an entity": ('<mass value="3.0"/>', '<mass value="&#51;.0"/>', ['value="3.0" of <mass>', "entities"]),
+    "digits of another script": ('<mass value="3.0"/>', '<mass value="\u0663"/>', ["<mass>", "not a finite number"]),
     "commas": ('xyz="0.1 0.02 -0.03"', 'xyz="0.1,0.02,-0.03"', ["<origin>", 'xyz="0.1,0.02,-0.03"', "spaces"]),
     "a mimic multiplier": ('multiplier="2"', 'multiplier="two"', ["<mimic> of joint 'follows'", 'multiplier="two"']),
     "a mimic offset": ('offset="0.3"', 'offset="0.3 rad"', ["<mimic> of joint 'follows'", 'offset="0.3 rad"']),
@@ -105,9 +109,17 @@ def test_a_number_that_cannot_be_read_is_named_with_its_line(tmp_path, fault):
     path = tmp_path / "arm.urdf"
     path.write_text(lines)
     assert Robot.load(path).bodies == ("turns", "follows")
-    path.write_text(lines.replace(old, new, 1))
+    path.write_text(lines.replace(old, new, 1), encoding="utf-8")
     number = lines[: lines.index(old)].count("\n") + 1
     refused([f"{path}, line {number}: ", *words], path)
+
+
+def test_a_number_behind_an_entity_is_refused(tmp_path):
+    """An XML parser reads the mass. Pinocchio's dropped the inertial, and the link weighed nothing."""
+    path = tmp_path / "arm.urdf"
+    text = urdf(link("w"), link("a", 3.0), joint("j", "w", "a")).replace('<mass value="3.0"/>', '<mass value="&m;"/>')
+    path.write_text('<!DOCTYPE robot [<!ENTITY m "3.0">]>\n' + text[text.index("<robot") :])
+    refused([f"{path}, line ", 'value="3.0" of <mass> of link', "entities"], path)
 
 
 def test_numbers_in_every_form_of_digits_are_read(tmp_path):
@@ -369,3 +381,11 @@ def test_any_lock_and_gravity_equal_the_whole_tree_held_there(lock, gravity):
     assert json.loads(json.dumps(machine.to_dict())) == machine.to_dict()
     q, v, a = states(machine, count=2)
     np.testing.assert_allclose(machine.inverse_dynamics(q, v, a), Reference(machine)(q, v, a), atol=1e-9)
+
+
+def test_torque_of_a_motion_of_another_shape_is_refused():
+    machine = robot("planar2")
+    assert machine.inverse_dynamics([0, 0], [0, 0], [0, 0]).shape == (1, 2)
+    for v in (np.zeros((2, 2)), np.zeros((3, 4)), [[0.0], [0.0, 0.0], [0.0]], None):
+        with pytest.raises(InputError, match=r"^v (has the shape|must be an array of numbers)"):
+            machine.inverse_dynamics(np.zeros((3, 2)), v, np.zeros((3, 2)))

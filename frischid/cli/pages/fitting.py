@@ -49,7 +49,7 @@ def identification(found: Identification, output: str | None, *, whole: bool = F
     if model.controller is not None:
         parts += [drives(model), *warning_lines(left_open(model)), f"  {MEANING}"]
     if found.amperes:
-        parts.append(amperes(found.amperes))
+        parts.append(amperes(found.amperes, model.robot))
     if whole:
         parts += _table_of_parameters(model)
     else:

@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Sequence
+from collections.abc import Iterable, Sequence
 
 import numpy as np
 from rich.table import Table
@@ -12,6 +12,7 @@ from frischid.core.text import listed
 from frischid.model.amperes import JointCurrents
 from frischid.model.drive_parameters import DriveParameter, drive_parameters
 from frischid.model.model import Model
+from frischid.robot.robot import Robot
 
 TITLES = {
     "torque_per_ampere": "gain",
@@ -29,8 +30,9 @@ def drives(model: Model) -> Table:
     """One row per joint; a value with its 95 % range, and a word where the logs leave it open."""
     values = {(x.joint, x.quantity): x for x in drive_parameters(model)}
     there = [q for q in TITLES if any(quantity == q for _, quantity in values)]
-    units = {x.quantity: x.unit for x in values.values()}
-    table = table_of("drive of", *(f"{TITLES[q]} {units[q]}" for q in there))
+    table = table_of(
+        "drive of", *(f"{TITLES[q]} {_units(x.unit for x in values.values() if x.quantity == q)}" for q in there)
+    )
     for joint in model.joints:
         table.add_row(joint, *(_cell(values.get((joint, q))) for q in there))
     return table
@@ -47,6 +49,11 @@ def left_open(model: Model) -> list[str]:
     return [f"these logs leave values of drives open: {said}"] if said else []
 
 
+def _units(found: Iterable[str]) -> str:
+    """The unit of a column; both, where some joints turn and others slide."""
+    return " or ".join(dict.fromkeys(found))
+
+
 def _cell(x: DriveParameter | None) -> str:
     if x is None:
         return ""
@@ -58,9 +65,11 @@ def _cell(x: DriveParameter | None) -> str:
     return f"{figure(x.value)} ({ends})" + ("" if x.known == "identified" else f" {x.known}")
 
 
-def amperes(found: Sequence[JointCurrents]) -> Table:
+def amperes(found: Sequence[JointCurrents], robot: Robot) -> Table:
     """What each joint draws, in amperes."""
-    table = table_of("current of", "viscous A·s/rad", "Coulomb A", "rotor A·s²/rad", "holds still A")
+    slides = dict(zip(robot.joints, robot.prismatic.tolist(), strict=True))
+    viscous, rotor = (_units(f"{unit}/{'m' if slides[x.joint] else 'rad'}" for x in found) for unit in ("A·s", "A·s²"))
+    table = table_of("current of", f"viscous {viscous}", "Coulomb A", f"rotor {rotor}", "holds still A")
     for x in found:
         low, high = x.holding
         pairs = (_pair(x.viscous), _pair(x.coulomb), _pair(x.armature))
