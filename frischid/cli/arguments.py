@@ -24,8 +24,8 @@ class RobotArguments:
         Joints that move, as a list of names and patterns.
     lock : tuple of str
         ``JOINT`` or ``JOINT=ANGLE``.
-    gravity : tuple of float
-        In the world, m/s².
+    gravity : tuple of float or None
+        In the world, m/s²; None: as the robot's file says.
     base_rpy : tuple of float or None
         Roll, pitch and yaw of the base, rad.
     frames : str
@@ -36,7 +36,7 @@ class RobotArguments:
 
     joints: str | None
     lock: tuple[str, ...]
-    gravity: tuple[float, float, float]
+    gravity: tuple[float, float, float] | None
     base_rpy: tuple[float, float, float] | None
     frames: str
     known: tuple[str, ...]
@@ -49,7 +49,13 @@ def robot_options(command: Callable[..., Any]) -> Callable[..., Any]:
         click.option(
             "--lock", multiple=True, metavar="JOINT[=ANGLE]", help="Lock a joint at an angle, rad (m); repeatable."
         ),
-        click.option("--gravity", type=float, nargs=3, default=(0.0, 0.0, -9.81), help="Gravity in the world, m/s²."),
+        click.option(
+            "--gravity",
+            type=float,
+            nargs=3,
+            default=None,
+            help="Gravity in the world, m/s². [default: that of an MJCF file, else 0 0 -9.81]",
+        ),
         click.option("--base-rpy", type=float, nargs=3, default=None, help="Roll, pitch, yaw of the base, rad."),
         click.option(
             "--frames",

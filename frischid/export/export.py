@@ -19,7 +19,7 @@ from frischid.export.consistency import Box, Consistency, as_identified, make_co
 from frischid.export.mjcf import mjcf_source
 from frischid.export.mjcf_edit import edited_mjcf
 from frischid.export.mjcf_effects import MARK, effects_source
-from frischid.export.notes import notes_of
+from frischid.export.notes import note_on_gravity, notes_of
 from frischid.export.proofread import proofread
 from frischid.export.urdf import difference_of, urdf_source
 from frischid.model.model import Model
@@ -166,7 +166,8 @@ def export(
     other = _written_beside(physical, target, text) if kind == "MJCF" else None
     if other is None:
         write_text(target, text)
-    return Export(target, kind, physical, consistency, difference, tuple(notes_of(physical, kind, model)), other)
+    notes = (*notes_of(physical, kind, model), *(() if into is None else note_on_gravity(physical, Path(into))))
+    return Export(target, kind, physical, consistency, difference, notes, other)
 
 
 def effects_path(path: Path) -> Path:

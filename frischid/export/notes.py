@@ -5,6 +5,8 @@ A reader of the file alone would take a missing effect for an effect that the ro
 
 from __future__ import annotations
 
+from pathlib import Path
+
 import numpy as np
 
 from frischid.export.code_columns import CodeModel
@@ -15,6 +17,7 @@ from frischid.export.reach import URDF_EFFECTS, beside, left_out
 from frischid.export.urdf import of_several_links
 from frischid.model.drive_parameters import drive_parameters
 from frischid.model.model import Model
+from frischid.robot.mjcf_reading import gravity_of_mjcf
 from frischid.robot.robot import GRAVITY
 
 STEP_FUNCTION = (
@@ -58,13 +61,24 @@ def notes_of(model: Model, kind: str, identified: Model) -> list[str]:
     if model.robot.locked:
         notes.append(f"identified with {', '.join(model.robot.locked)} held still: valid at those positions")
     if not np.allclose(model.robot.gravity, GRAVITY):
-        seen = ", ".join(f"{x:.4g}" for x in model.robot.gravity)
         notes.append(
-            f"a URDF holds no gravity: the model's is ({seen}) m/s² in the base; set the same where you load it"
+            f"a URDF holds no gravity: the model's is {_vector(model)} m/s² in the base; set the same where you load it"
         )
     friction = {"damping": model.of_effect("viscous", "fv"), "frictionloss": model.of_effect("coulomb", "fc")}
     written = {j: {key: values[j] for key, values in friction.items() if j in values} for j in model.joints}
     return notes + _other_drives(identified, written)
+
+
+def note_on_gravity(model: Model, into: Path) -> tuple[str, ...]:
+    """A note where the user's own MJCF file keeps another gravity than the model has."""
+    own = gravity_of_mjcf(into) or GRAVITY
+    if np.allclose(model.robot.gravity, own):
+        return ()
+    return (f"{into.name} keeps its own gravity; the model's is {_vector(model)} m/s²: set <option gravity> to it",)
+
+
+def _vector(model: Model) -> str:
+    return f"({', '.join(f'{x:.4g}' for x in model.robot.gravity)})"
 
 
 def _notes_of_pair(model: Model) -> list[str]:

@@ -4,7 +4,8 @@ Pinocchio reads the MJCF with its defaults and included files. Every moving body
 Pinocchio gives it (of all bodies that are welded together, about the joint's frame), and every hinge or slide a joint
 with its limits, damping and dry friction. Bodies become frames of the same names. Shapes are left out. MuJoCo's
 ``armature`` has no place in a URDF. It stands as an attribute of ``<dynamics>``, which other programs ignore, and is
-the nominal value of the effect ``rotor_inertia``.
+the nominal value of the effect ``rotor_inertia``. Pinocchio does not read the gravity of ``<option>``. So it is read
+here, and stands as an attribute of ``<robot>``.
 
 Format: MuJoCo XML reference, https://mujoco.readthedocs.io/en/stable/XMLreference.html.
 """
@@ -13,6 +14,8 @@ from __future__ import annotations
 
 import math
 import re
+import xml.etree.ElementTree as ET
+from collections.abc import Sequence
 from pathlib import Path
 from typing import Any
 from xml.sax.saxutils import quoteattr
@@ -50,6 +53,48 @@ def model_of_mjcf(path: Path) -> Any:
         raise InputError(f"{path}: Pinocchio cannot build a model from this MJCF: {error}") from error
 
 
+def gravity_of_mjcf(path: Path, above: Sequence[Path] = ()) -> tuple[float, float, float] | None:
+    """Gravity that an MJCF file states, or a file that it includes, m/s²; None where none does.
+
+    Raises
+    ------
+    InputError
+        The gravity is not three numbers, or the file is no XML.
+    """
+    try:
+        root, found = ET.parse(path).getroot(), None
+    except (ET.ParseError, OSError) as error:
+        raise InputError(f"{path}: cannot be read as MJCF: {error}") from None
+    for tag in root.iter():
+        if tag.tag == "option" and "gravity" in tag.attrib:
+            found = stated_gravity(tag.attrib["gravity"], str(path))
+        elif tag.tag == "include" and (inside := path.parent / tag.get("file", "")) not in (*above, path):
+            found = gravity_of_mjcf(inside, (*above, path)) or found
+    return found
+
+
+def stated_gravity(text: str, source: str) -> tuple[float, float, float]:
+    """Three numbers of an attribute ``gravity``, m/s²; `source` names the file in the message.
+
+    Raises
+    ------
+    InputError
+        The text is not three finite numbers.
+
+    Examples
+    --------
+    >>> stated_gravity("0 0 -1.62", "moon.xml")
+    (0.0, 0.0, -1.62)
+    """
+    try:
+        x, y, z = (float(word) for word in text.split())
+    except ValueError:
+        x = y = z = math.nan
+    if not math.isfinite(x + y + z):
+        raise InputError(f"{source}: gravity must be three finite numbers in m/s², got {text!r}")
+    return x, y, z
+
+
 def urdf_of_mjcf(path: Path) -> str:
     """Convert an MJCF file to the text of a URDF.
 
@@ -70,7 +115,9 @@ def urdf_of_mjcf(path: Path) -> str:
     # a body's name may stand for a joint too; links get names of their own where it does
     used = set(names[1:])
     links = ["world"] + [_free(f"link of {name}", used) for name in names[1:]]
-    lines = [f"<robot name={quoteattr(model.name or path.stem)}>", f"  <link name={quoteattr(links[0])}/>"]
+    gravity = gravity_of_mjcf(path)
+    stated = "" if gravity is None else f' gravity="{_row(gravity)}"'
+    lines = [f"<robot name={quoteattr(model.name or path.stem)}{stated}>", f"  <link name={quoteattr(links[0])}/>"]
     for index in range(1, model.njoints):
         lines += _link(links[index], model.inertias[index])
         lines += _joint(model, index, links)

@@ -32,6 +32,7 @@ from frischid.errors import InputError, UnknownNameError
 from frischid.robot.inertia import parameter_transform
 from frischid.robot.joint_limits import JointLimits, read_limits
 from frischid.robot.mimics import MimicRule, mimic_rules
+from frischid.robot.mjcf_reading import stated_gravity
 from frischid.robot.motion_arrays import motion_of
 from frischid.robot.pinocchio_model import build_model, configurations, frame_placement, gravity_in_base, with_inertias
 from frischid.robot.urdf_numbers import LARGEST_QUANTITY
@@ -97,7 +98,7 @@ class Robot:
         *,
         joints: Sequence[str] | None = None,
         lock: Mapping[str, float] | Sequence[str] = (),
-        gravity: Sequence[float] = GRAVITY,
+        gravity: Sequence[float] | None = None,
         base_rpy: Sequence[float] | None = None,
         frames: str | Mapping[str, str] = "joint",
         known: Mapping[str, float] | None = None,
@@ -112,8 +113,8 @@ class Robot:
             Joints that move; all others are locked. All joints by default.
         lock : mapping or sequence of str
             Joints to lock, with their angle in rad (m); without an angle, at zero, or the nearest value in the limits.
-        gravity : sequence of 3 float
-            Gravity in the world frame, m/s².
+        gravity : sequence of 3 float, optional
+            Gravity in the world frame, m/s²; that of the MJCF file by default, else 9.81 downwards.
         base_rpy : sequence of 3 float, optional
             Roll, pitch and yaw (rad) of the base in the world.
         frames : str or mapping
@@ -135,6 +136,8 @@ class Robot:
         for name in [*(joints or ()), *lock]:
             if name not in whole.joints:
                 raise UnknownNameError("joint", name, whole.joints, source)
+        if gravity is None:
+            gravity = stated_gravity(tree.attrib["gravity"], source) if "gravity" in tree.attrib else GRAVITY
         angles = dict(lock) if isinstance(lock, Mapping) else dict.fromkeys(lock, math.nan)
         if joints is not None:
             angles |= {j: angles.get(j, math.nan) for j in whole.joints if j not in joints}

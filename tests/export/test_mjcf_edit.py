@@ -51,6 +51,32 @@ def states(rng, model):
     return q, rng.normal(size=model.nv), rng.normal(size=model.nv)
 
 
+def test_the_gravity_of_the_file_is_the_robots(path):
+    """Pinocchio does not read it. A log of such a robot gave a wrong model, without a word."""
+    (path.parent / "scene.xml").write_text('<mujoco><option timestep="0.001" gravity="0 0 -1.62"/></mujoco>')
+    plain = Robot.load(path)
+    assert plain.gravity == (0.0, 0.0, -9.81)
+    path.write_text(ARM.replace("<default>", '<option gravity="1 0 -3"/><default>', 1))
+    robot = Robot.load(path)
+    assert robot.gravity == (1.0, 0.0, -3.0)
+    compiled, q = mujoco.MjModel.from_xml_path(str(path)), np.array([0.3, -0.4])
+    data = mujoco.MjData(compiled)
+    data.qpos[:] = q
+    mujoco.mj_inverse(compiled, data)
+    assert nominal_torque(robot, q[None], np.zeros((1, 2)), np.zeros((1, 2)))[0] == pytest.approx(data.qfrc_inverse)
+    assert Robot.load(path, gravity=(0, 0, -9.81)).gravity == plain.gravity, "what is given counts"
+    log = simulate(robot, random_fourier(robot, 5.0, seed=1), rate=100.0)
+    model = identify(robot, [log], recursion="none").model
+    assert not any("gravity" in note for note in export(model, path.parent / "same.xml", into=path).notes)
+    path.write_text(ARM.replace("<default>", '<include file="scene.xml"/><default>', 1))
+    assert Robot.load(path).gravity == (0.0, 0.0, -1.62)
+    (note,) = (n for n in export(model, path.parent / "other.xml", into=path).notes if "gravity" in n)
+    assert note == "arm.xml keeps its own gravity; the model's is (1, 0, -3) m/s²: set <option gravity> to it"
+    path.write_text(ARM.replace("<default>", '<option gravity="down"/><default>', 1))
+    with pytest.raises(InputError, match=r"three finite numbers in m/s², got 'down'"):
+        Robot.load(path)
+
+
 def test_the_converted_robot_has_the_same_dynamics(path):
     own, robot = pin.buildModelFromMJCF(str(path)), Robot.load(path)
     assert robot.joints == ("shoulder", "elbow")
