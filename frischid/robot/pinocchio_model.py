@@ -18,6 +18,7 @@ import pinocchio as pin
 from frischid.core.types import Array
 from frischid.errors import InputError, UnknownNameError
 from frischid.robot.mimics import mimic_rules
+from frischid.robot.urdf_refusals import cause_of_refusal
 
 
 def build_model(urdf: str, source: str, locked: Mapping[str, float], gravity: Sequence[float]) -> Any:
@@ -48,7 +49,8 @@ def build_model(urdf: str, source: str, locked: Mapping[str, float], gravity: Se
     try:
         model = pin.buildModelFromXML(urdf)
     except (ValueError, RuntimeError) as error:
-        raise InputError(f"{source}: Pinocchio cannot build a model from this URDF: {error}") from error
+        why = cause_of_refusal(urdf) or str(error).strip()
+        raise InputError(f"{source}: Pinocchio cannot build a model from this URDF: {why}") from error
     _check_joints(model, source)
     moving = list(model.names)[1:]  # the first is Pinocchio's name for the base
     for name in locked:

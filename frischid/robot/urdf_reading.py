@@ -16,6 +16,7 @@ from pathlib import Path
 from frischid.errors import InputError, UnknownNameError
 from frischid.robot.mjcf_reading import is_mjcf, urdf_of_mjcf
 from frischid.robot.urdf_numbers import check_numbers
+from frischid.robot.urdf_refusals import link_with_two_parents
 
 MOVING = ("revolute", "continuous", "prismatic")
 """Types of joints that move."""
@@ -93,7 +94,8 @@ def parse_urdf(text: str, source: str) -> ET.Element:
     Raises
     ------
     InputError
-        The text is not XML, has another root than ``<robot>``, is a xacro file, or has an unreadable number.
+        The text is not XML, has another root than ``<robot>``, is a xacro file, or has an unreadable number or a link
+        with two parents.
     """
     try:
         root = ET.fromstring(text)
@@ -104,6 +106,8 @@ def parse_urdf(text: str, source: str) -> ET.Element:
     if any("xacro" in element.tag for element in root.iter()):
         raise InputError(f"{source}: this is a xacro file; expand it first (xacro FILE > robot.urdf)")
     check_numbers(text, source)
+    if fault := link_with_two_parents(root):
+        raise InputError(f"{source}: {fault}")
     return root
 
 
