@@ -22,7 +22,7 @@ JOINT = f'<joint name="j" type="revolute">{ENDS}{LIMIT}</joint>'
         (LINKS + JOINT.replace("</joint>", "<dynamics/></joint>"), "<dynamics> with neither damping nor friction"),
         (LINKS + LINKS + JOINT, "the link 'a' stands twice"),
         (LINKS + JOINT.replace("revolute", "hinge"), "joint 'j' has the type 'hinge'"),
-        (LINKS + JOINT.replace('parent link="a"', 'parent link="c"'), "has the parent link 'c', which does not exist"),
+        (LINKS + JOINT.replace('parent link="a"', 'parent link="c"'), "has the parent link 'c', which the URDF does"),
         (LINKS + JOINT.replace('<parent link="a"/>', ""), "joint 'j' has no parent"),
         (LINKS + JOINT.replace('name="j" ', ""), "a joint has no name"),
         (f'{LINKS}<link name="c"/>{JOINT}', "the links a, c are the child of no joint"),
