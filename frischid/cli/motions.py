@@ -124,7 +124,12 @@ def simulate(
 @click.option(
     "--floor", default="0", show_default=True, help="Height of the floor above the base, m; none: the base hangs."
 )
-@click.option("--budget", default=30_000, show_default=True, help="Largest number of evaluations of the criterion.")
+@click.option(
+    "--budget",
+    default=30_000,
+    show_default=True,
+    help="Evaluations of the criterion after which a search ends; its first steps, about 70, are always made.",
+)
 @click.option("--seed", default=0, show_default=True, help="The same seed gives the same motion.")
 @click.option("--starts", default=1, show_default=True, help="Searches from different starts; the best is kept.")
 @scheduler_option
