@@ -172,6 +172,19 @@ def test_what_is_no_list_of_logs_is_refused():
             diagnose(healthy(), [log_of(2)], valid=wrong)
 
 
+@pytest.mark.parametrize(
+    ("effect", "parameter"), [("friction_change", "dfv3"), ("friction_change", "dfc3"), ("offset_change", "doff3")]
+)
+def test_friction_and_offsets_that_changed_are_changes(effect, parameter):
+    """An effect that the model has may change: that is no effect that looks like it, a square of the speed or a spring."""
+    changed = log_of(3, f"{effect}@elbow_joint", **{parameter: 1.5})
+    found = diagnose(healthy(), [changed])
+    first = found.findings[0]
+    assert (found.situation, first.effect, first.joints) == ("changed", effect, ("elbow_joint",))
+    assert first.probability == max(found.probabilities.values()) > 0.75
+    assert first.parameters[parameter] == pytest.approx(1.5, rel=0.05)
+
+
 def test_a_payload_is_a_change():
     last = parse_effects("payload@wrist_3_joint")
     columns = [c.name for c in last[0].columns(UR5)]
