@@ -176,7 +176,7 @@ def test_what_is_no_list_of_logs_is_refused():
     ("effect", "parameter"), [("friction_change", "dfv3"), ("friction_change", "dfc3"), ("offset_change", "doff3")]
 )
 def test_friction_and_offsets_that_changed_are_changes(effect, parameter):
-    """An effect that the model has may change: that is no effect that looks like it, a square of the speed or a spring."""
+    """What the model has may change: no effect that looks like it is the cause, no square of the speed, no spring."""
     changed = log_of(3, f"{effect}@elbow_joint", **{parameter: 1.5})
     found = diagnose(healthy(), [changed])
     first = found.findings[0]
