@@ -196,6 +196,13 @@ def test_a_payload_is_a_change():
     assert found.findings[0].parameters[columns[0]] == pytest.approx(1.5, rel=0.1)
 
 
+def test_another_link_that_may_carry_the_body_is_named_once():
+    columns = [c.name for c in parse_effects("payload@wrist_3_joint")[0].columns(UR5)]
+    near_the_axis = dict(zip(columns, (1.5, 0.0, 0.0, 0.03), strict=True))
+    first = diagnose(healthy(), [log_of(3, "payload@wrist_3_joint", **near_the_axis)]).findings[0]
+    assert (first.effect, first.elsewhere) == ("payload", ("wrist_1_joint", "wrist_2_joint"))
+
+
 @cache
 def scaled_under_a_payload() -> tuple[Log, ...]:
     """Logs of an arm that carries a payload, and whose fourth torque channel has lost a tenth."""
