@@ -11,7 +11,7 @@ motion maximises the part of both effects' columns that no other column explains
 
 If one effect has the other's columns and more (a hose is a spring with friction), the two differ only by the further
 columns. The correlation is then that of the further columns with all others. Columns that act just as other parameters
-do say nothing: the rotor's share of a coupled motor is an inertia of the links. The effect is told by its other columns.
+do say nothing: the rotor's share of a coupled motor is an inertia of the links. The other columns tell the effect.
 """
 
 from __future__ import annotations
