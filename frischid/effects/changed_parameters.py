@@ -31,6 +31,9 @@ from frischid.effects.units import SPEED_UNITS
 class FrictionChange(Effect):
     """Viscous and dry friction that changed since the model was identified, ``dfv q̇ + dfc tanh(q̇/width)``.
 
+    A diagnosis names one joint at a time. Where the friction of many joints changed, the identified parameters as a
+    whole no longer hold, and the robot should be identified again.
+
     Attributes
     ----------
     width : float
@@ -56,6 +59,7 @@ class FrictionChange(Effect):
     reference: ClassVar[str] = "Bittencourt and Axelsson 2014, IEEE/ASME Trans. Mechatronics 19(5)"
 
     change: ClassVar[bool] = True
+    single: ClassVar[bool] = True
     friction: ClassVar[bool] = True
     dry: ClassVar[bool] = True
     smooths_sign: ClassVar[bool] = True
