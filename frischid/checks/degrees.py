@@ -3,14 +3,14 @@
 Degrees read as radians are 57 times too large, and so implausible for a joint that moves far. A joint that moves by a
 few degrees stays plausible, so that the motion cannot tell whether the implausible joints alone are in degrees or all
 of them. The torques can: both readings are fitted with friction, and the score of `frischid.checks.explanation`
-decides.
+decides. So do the torques where the robot moves beyond limits that its URDF states wrongly.
 
 A sliding joint is in millimetres where the range of its motion is then nearer to the URDF's.
 """
 
 from __future__ import annotations
 
-from collections.abc import Callable
+from collections.abc import Callable, Sequence
 from dataclasses import dataclass
 
 import numpy as np
@@ -18,7 +18,7 @@ from numpy.typing import NDArray
 
 from frischid.checks.faults import Fault, Fix
 from frischid.checks.log_issue import Notebook, span
-from frischid.checks.position_faults import degree_faults
+from frischid.checks.position_faults import Moved, degree_faults
 from frischid.checks.row_fits import RowFits, local_fits
 from frischid.checks.sketch import Sketch
 from frischid.logs.column_units import in_millimetres
@@ -83,9 +83,28 @@ def implausible_motion(robot: Robot, log: Log, notes: Notebook) -> Implausible |
             blocks=True,
         )
         return None
-    why = "far outside the URDF's limits" if (far | fast).any() else "several full turns"
-    evidence = f"the motion is implausible in radians ({why}: {largest} rad) and looks like degrees"
+    why = f"far outside the URDF's limits: {largest} rad" if far.any() else f"several full turns: {largest} rad"
+    if (fast & found).any() and not far.any():
+        why = f"much faster than the URDF's limits: {span(typical[fast & found])} rad/s"
+    evidence = f"the motion is implausible in radians ({why}) and looks like degrees"
     return Implausible(found, evidence, not turns[found].all())
+
+
+def explained_in_radians(found: Implausible, sketch: Callable[[], Sketch | None]) -> bool:
+    """Whether the torques leave no doubt that an implausible motion is in radians all the same.
+
+    A URDF may state limits that the robot does not have.
+    """
+    seen = sketch()
+    if seen is None or not len(seen.rows) or unstated(seen.robot):
+        return False
+    as_it_is = local_fits(RowFits(seen), simple=True)[0].score
+    return bool(as_it_is - max(_scores(list(degree_faults(seen, found.joints)))) > np.log(seen.criteria.least_odds))
+
+
+def _scores(readings: Sequence[Moved]) -> list[float]:
+    """How well the torques agree with each reading of the positions, less what the reading costs."""
+    return [local_fits(RowFits(x.sketch), simple=True)[0].score - x.fault.cost for x in readings]
 
 
 def check_degrees(found: Implausible, sketch: Callable[[], Sketch | None], notes: Notebook) -> None:
@@ -137,7 +156,7 @@ def _which(joints: NDArray[np.bool_], sketch: Sketch) -> Fault | None:
         return readings[0].fault
     if not len(sketch.rows) or unstated(sketch.robot):
         return None
-    scores = [local_fits(RowFits(x.sketch), simple=True)[0].score - x.fault.cost for x in readings]
+    scores = _scores(readings)
     best, other = np.argsort(scores)[::-1]
     doubtless = scores[best] - scores[other] > np.log(sketch.criteria.least_odds)
     return readings[int(best)].fault if doubtless else None

@@ -12,7 +12,7 @@ import numpy as np
 from frischid.checks.channels import check_channels, check_jumps
 from frischid.checks.check_criteria import DEFAULT_CRITERIA, CheckCriteria
 from frischid.checks.clock import check_clock
-from frischid.checks.degrees import check_degrees, check_millimetres, implausible_motion
+from frischid.checks.degrees import check_degrees, check_millimetres, explained_in_radians, implausible_motion
 from frischid.checks.excitation import FreeFit, check_excitation, free_fit
 from frischid.checks.lag import check_lag
 from frischid.checks.log_issue import LogReport, Notebook, span
@@ -130,6 +130,8 @@ def inspect(
         return None
 
     degrees = None if _has(notes, "degrees") else implausible_motion(robot, log, notes)
+    if degrees is not None and explained_in_radians(degrees, sketch):
+        degrees = None
     surely = degrees is not None and degrees.certain
     if not surely and not any(f.blocks for f in notes.issues) and (seen := sketch()) is not None:
         _dynamics(log, seen, reduction, notes, alone, brief)

@@ -227,8 +227,8 @@ def _springs(fits: RowFits, k: int, tau: Array, spread: float, faults: tuple[Fau
             f"a {quantity} of {np.ptp(torque) / 2:.3g} {unit} (half its range) follows the joint's {place} alone: "
             f"{word} {{acts|may act}} on it",
             (name,),
-            "nothing is wrong with the log: identify, then frischid diagnose measures the spring and frischid improve "
-            "adds it to the model",
+            "nothing is wrong with the log: identify. Where links of another weight have the same torque, the links "
+            "take it up; else frischid diagnose measures the spring, and frischid improve adds it to the model",
             cost(fits.criteria, "spring", R, X.shape[1], n),
             False,
             False,

@@ -12,6 +12,7 @@ is a finding too: it says that the identified parameters no longer hold.
 from __future__ import annotations
 
 from collections.abc import Callable, Sequence
+from dataclasses import replace
 
 import numpy as np
 from numpy.typing import NDArray
@@ -64,6 +65,8 @@ def find_effects(
     noise = floor.under(ranked.full)
     moving = ~only_at_reversals(validator, noise)
     floors = noise, floor.without_effects(noise)
+    # The twin has the noise of the positions alone: what smooths nothing there smooths another error here.
+    ranked = replace(ranked, smoothing=tuple(c for c in ranked.smoothing if floor.twin.gain([c.effect]) > 0))
     return [_finding(validator, floors, moving, effect, floor.twin) for effect in ranked.effects], ranked
 
 

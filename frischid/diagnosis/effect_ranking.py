@@ -251,7 +251,8 @@ def _with_other_places(
     top = found[0]
     others = [c for c in pool if type(c.effect) is top.kind and c.effect.joints != top.places[0].effect.joints]
     places = [c.effect.joints or () for c in _instead(validator, top, others)]
-    return [replace(top, elsewhere=tuple(joints[0] for joints in places if len(joints) == 1)), *found[1:]]
+    alone = dict.fromkeys(joints[0] for joints in places if len(joints) == 1)  # a body comes small and large on a link
+    return [replace(top, elsewhere=tuple(alone)), *found[1:]]
 
 
 def _over(validator: CrossValidator, one: ScoredEffect, other: ScoredEffect) -> float:

@@ -129,9 +129,10 @@ def _alike(one: Finding, other: Finding) -> bool:
 def _placed(pair: Sequence[Finding]) -> list[str]:
     """Two effects at the best place that both have, as the command line reads them; none where no joint has both.
 
-    An effect of the whole robot is placed at the joint of the other, where its kind can act on a single joint.
+    An effect of the whole robot is placed at the joint of the other, where its kind can act on a single joint. None for
+    a change: its columns are those of other parameters, so no motion alone tells it from another effect.
     """
-    if len(pair) != 2:
+    if len(pair) != 2 or any(EFFECTS[finding.effect].change for finding in pair):
         return []
     acting = [[effect.joints for effect in finding.members] for finding in pair]
     local = [[joints for joints in places if joints is not None] for places in acting]

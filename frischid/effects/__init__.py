@@ -12,7 +12,7 @@ Examples
 >>> fr.EFFECTS["coulomb"].equation
 'fc·tanh((v + lead·a)/width)'
 >>> sorted(name for name, kind in fr.EFFECTS.items() if kind.change)
-['payload']
+['friction_change', 'offset_change', 'payload']
 """
 
 # isort: off
@@ -35,6 +35,7 @@ from frischid.effects.friction_memory import CableHose, Hysteresis
 from frischid.effects.springs import Counterbalance, JointSpring
 from frischid.effects.flexibility import Backlash, Elasticity
 from frischid.effects.saturation import GearPlay
+from frischid.effects.changed_parameters import FrictionChange, OffsetChange
 from frischid.effects.load import GravityTilt, Payload
 from frischid.effects.sensing import DriveGain, EncoderZero, TimeDelay
 from frischid.effects.commands import CommandDelay
@@ -62,6 +63,7 @@ __all__ = [
     "Elasticity",
     "EncoderZero",
     "Formula",
+    "FrictionChange",
     "GearPlay",
     "GravityTilt",
     "Hysteresis",
@@ -70,6 +72,7 @@ __all__ = [
     "LoadFriction",
     "LoadStribeck",
     "Offset",
+    "OffsetChange",
     "Payload",
     "PositionFriction",
     "QuadraticViscous",

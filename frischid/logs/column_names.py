@@ -136,6 +136,27 @@ def split(name: str) -> tuple[str | None, str]:
     return None, name
 
 
+def split_all(names: Sequence[str]) -> dict[str, tuple[str | None, str]]:
+    """Channel and rest of each column's name, as `split`; a last letter that a whole channel shares is left out.
+
+    Such a letter tells no joint from another: it is a unit. A letter that differs may be an axis.
+
+    >>> split_all(["current_X_A", "current_Y_A"])
+    {'current_X_A': ('current', 'x'), 'current_Y_A': ('current', 'y')}
+    >>> split_all(["current_A", "current_B"])
+    {'current_A': ('current', 'a'), 'current_B': ('current', 'b')}
+    """
+    found = {name: split(name) for name in names}
+    ends = {name: end for name in names if (end := re.fullmatch(r"(.+)[^0-9A-Za-z]([A-Za-z])", name))}
+    shorter = {name: split(end[1]) for name, end in ends.items()}
+    for channel in CHANNEL_WORDS:
+        there = {n for n in names if channel in (found[n][0], shorter.get(n, found[n])[0])}
+        letters = {ends[n][2] if n in ends else "" for n in there}
+        if len(there) > 1 and len(letters) == 1 and "" not in letters:
+            found |= {n: shorter[n] for n in there if shorter[n][0] == channel}
+    return found
+
+
 def unit_of(name: str) -> tuple[str, str]:
     """Unit that a column's name ends with or has in brackets (empty: none), and the name without the unit.
 
@@ -216,6 +237,8 @@ def assign(names: Mapping[str, str], joints: Sequence[str], known: Mapping[int, 
     """
     exact = {joint: name for joint in joints for name, rest in names.items() if _words(rest) == _words(joint)}
     if not len(exact) == len(names) == len(set(exact.values())):
+        exact = _by_telling_words(names, joints)
+    if not len(exact) == len(names) == len(set(exact.values())):
         exact = _by_part(names, joints)
     if len(exact) == len(names) == len(set(exact.values())):
         return Assignment(exact, "name", {})
@@ -239,6 +262,27 @@ def exactly(names: Mapping[str, str], joints: Sequence[str]) -> Assignment:
     found = {joint: name for joint in joints for name, rest in names.items() if _words(rest) == _words(joint)}
     clear = {joint: name for joint, name in found.items() if list(found.values()).count(name) == 1}
     return Assignment(clear, "name", {})
+
+
+def _by_telling_words(names: Mapping[str, str], joints: Sequence[str]) -> dict[str, str]:
+    """The columns whose words are those of a joint, without the words that all columns share, or all joints.
+
+    ``motor_x`` and ``motor_y`` are the joints x and y.
+    """
+    columns, places = _telling(list(names.values())), _telling(joints)
+    return {
+        joint: name
+        for joint, words in zip(joints, places, strict=True)
+        for name, own in zip(names, columns, strict=True)
+        if own and own == words and not all(word.isdigit() for word in own)
+    }
+
+
+def _telling(texts: Sequence[str]) -> list[tuple[str, ...]]:
+    """Words of each text without those that all texts share."""
+    words = [_words(text) for text in texts]
+    shared = set(words[0]).intersection(*words[1:]) if len(words) > 1 else set()
+    return [tuple(w for w in one if w not in shared) for one in words]
 
 
 def _by_part(names: Mapping[str, str], joints: Sequence[str]) -> dict[str, str]:

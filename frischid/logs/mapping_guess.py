@@ -28,7 +28,7 @@ from numpy.typing import NDArray
 from frischid.core.types import Array
 from frischid.errors import InputError
 from frischid.logs.column_motion import UNEXPLAINED, Grid, columns_by_motion, order_is_confirmed, unexplained
-from frischid.logs.column_names import SETPOINT_WORDS, Assignment, assign, exactly, families, set_point, split
+from frischid.logs.column_names import SETPOINT_WORDS, Assignment, assign, exactly, families, set_point, split_all
 from frischid.logs.column_units import (
     check_velocities,
     propose_degrees,
@@ -67,8 +67,8 @@ def propose(path: str | Path, robot: Robot, rate: float | None = None) -> Propos
     table = table_of(path, robot, found)
     time = time_column(table, found)
     table = _readable(table, time)
-    named = {name: split(name) for name in table.names if name in table.numeric and name != time}
-    named = {name: x for name, x in named.items() if table.numeric[name].dtype.kind in "iuf"}
+    numeric = [name for name in table.names if name in table.numeric and name != time]
+    named = split_all([name for name in numeric if table.numeric[name].dtype.kind in "iuf"])
     by_channel = {c: {n: rest for n, (channel, rest) in named.items() if channel == c} for c in CHANNELS}
     _take_set_torques(by_channel, named, found)
     t = None if time is None or rate is not None else stamps_of(table, path, time, found)

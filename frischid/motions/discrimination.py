@@ -10,7 +10,8 @@ motion maximises the part of both effects' columns that no other column explains
 (`frischid.motions.optimality.Separation`). The search is that of any exciting motion.
 
 If one effect has the other's columns and more (a hose is a spring with friction), the two differ only by the further
-columns. The correlation is then that of the further columns with all others.
+columns. The correlation is then that of the further columns with all others. Columns that act just as other parameters
+do say nothing: the rotor's share of a coupled motor is an inertia of the links. The other columns tell the effect.
 """
 
 from __future__ import annotations
@@ -100,7 +101,7 @@ def separate(
     InputError
         The two are the same, or one of them is among the other effects.
     IdentifiabilityError
-        On every motion, one of the two acts just as other parameters of the model do.
+        On every motion, one of the two acts just as other parameters of the model do, in all of its columns.
     """
     if str(first) == str(second):
         raise InputError(f"{first} and {second} are the same effect; name two different ones")
@@ -109,11 +110,12 @@ def separate(
         if any(effect.id == name and set(effect.joints or robot.joints) <= set(joints) for name, joints in known):
             raise InputError(f"{effect} is in the model already; name two effects that are not")
     pair = f"{first} and {second}"
-    lost = [*_lost(robot, effects, first), *_lost(robot, effects, second)]
-    if not lost and len(_lost(robot, (*effects, first), second)) == len(second.columns(robot)):
+    lost = [name for e in (first, second) for name in _lost(robot, effects, e, all_of_them=True)]
+    if not lost and not _further(robot, (*effects, first), second):
         first, second = second, first  # the effect with more columns comes last
-    shared = [] if lost else _lost(robot, (*effects, first), second)
-    further = len(second.columns(robot)) - len(shared)
+    inside = set(_lost(robot, effects, second))
+    shared = [] if lost else [name for name in _lost(robot, (*effects, first), second) if name not in inside]
+    further = _further(robot, (*effects, first), second)
     if lost or not further:
         raise IdentifiabilityError(
             f"no motion can distinguish {pair}: {', '.join(lost or shared)} acts just as other parameters do; "
@@ -122,7 +124,7 @@ def separate(
     together = (*effects, first, second)
     regressor = Regressor(robot, together)
     base = np.array(structure(regressor, robot.joints).base)
-    own = (0 if shared else len(first.columns(robot)), further)
+    own = (0 if shared else _further(robot, effects, first), further)
     options = replace(options or PlanOptions(), criterion=Separation(sum(own)))
     planned = plan(robot, together, options, workers=workers, progress=progress)
     duration = planned.trajectory.duration
@@ -134,12 +136,18 @@ def separate(
     return Apart(planned, str(first), str(second), typical, correlations[-1], sharper, tuple(shared))
 
 
-def _lost(robot: Robot, effects: Sequence[Effect], effect: Effect) -> list[str]:
-    """Columns of an effect that act just as those of other effects do."""
+def _further(robot: Robot, effects: Sequence[Effect], effect: Effect) -> int:
+    """Number of an effect's columns that act unlike those of other effects."""
+    return len(effect.columns(robot)) - len(_lost(robot, effects, effect))
+
+
+def _lost(robot: Robot, effects: Sequence[Effect], effect: Effect, *, all_of_them: bool = False) -> list[str]:
+    """Columns of an effect that act just as those of other effects do; `all_of_them`: none if any does not."""
     regressor = Regressor(robot, (*effects, effect))
     base = structure(regressor, robot.joints).base
     own = range(len(regressor.columns) - len(effect.columns(robot)), len(regressor.columns))
-    return [regressor.columns[i].name for i in own if i not in base]
+    lost = [regressor.columns[i].name for i in own if i not in base]
+    return [] if all_of_them and len(lost) < len(own) else lost
 
 
 def _told_apart(regressor: Regressor, base: Array, counts: tuple[int, int], motion: Trajectory) -> tuple[float, float]:

@@ -1,11 +1,14 @@
 """Positions in degrees: of one joint or of all, and the mapping file that undoes it."""
 
+import re
 from dataclasses import replace
 
 import numpy as np
 import pytest
 from click.testing import CliRunner
 
+from frischid.checks.degrees import implausible_motion
+from frischid.checks.log_issue import Notebook
 from frischid.cli import main
 from frischid.logs.column_units import in_millimetres
 from frischid.logs.mapping_guess import propose
@@ -136,3 +139,21 @@ def test_check_writes_the_unit_of_one_joint_or_says_that_it_writes_nothing(tmp_p
     CliRunner().invoke(main, arguments)
     assert output.read_text(encoding="utf-8") == f'[joint."{name}"]\nangle_unit = "deg"\n'
     np.testing.assert_allclose(read_log(path, robot.joints, output).q, log.q, rtol=1e-6)
+
+
+def test_a_robot_faster_than_its_urdf_states_is_in_radians_where_the_torques_say_so(tmp_path):
+    """The motion alone looks like degrees: over more than a turn, and far above the speed limit of the URDF."""
+    robot = Robot.load("double_pendulum_continuous")
+    unlimited = re.sub(r"<limit[^>]*>", "", robot.urdf)
+    limited = unlimited.replace("</joint>", '<limit velocity="0.2" effort="100"/></joint>')
+    path = tmp_path / "slow.urdf"
+    path.write_text(limited, encoding="utf-8")
+    slow, t = Robot.load(path), np.arange(0, 20, 0.01)
+    q, v, a = (3.0 * x for x in random_fourier(robot, 20, seed=1)(t))
+    log = replace(driven(robot), t=t, q=q, tau=robot.inverse_dynamics(q, v, a) + 0.1 * v)
+    assert (slow.limits.velocity == 0.2).all()
+    assert implausible_motion(slow, log, Notebook(slow.joints)) is not None
+    assert degrees(slow, log) == ([], ())
+    (issue,), fix = degrees(slow, in_degrees(log, *slow.joints))
+    assert fix == (FILE,)
+    assert "faster than the URDF's limits" in issue.what

@@ -176,6 +176,19 @@ def test_what_is_no_list_of_logs_is_refused():
             diagnose(healthy(), [log_of(2)], valid=wrong)
 
 
+@pytest.mark.parametrize(
+    ("effect", "parameter"), [("friction_change", "dfv3"), ("friction_change", "dfc3"), ("offset_change", "doff3")]
+)
+def test_friction_and_offsets_that_changed_are_changes(effect, parameter):
+    """What the model has may change: no effect that looks like it is the cause, no square of the speed, no spring."""
+    changed = log_of(3, f"{effect}@elbow_joint", **{parameter: 1.5})
+    found = diagnose(healthy(), [changed])
+    first = found.findings[0]
+    assert (found.situation, first.effect, first.joints) == ("changed", effect, ("elbow_joint",))
+    assert first.probability == max(found.probabilities.values()) > 0.75
+    assert first.parameters[parameter] == pytest.approx(1.5, rel=0.05)
+
+
 def test_a_payload_is_a_change():
     last = parse_effects("payload@wrist_3_joint")
     columns = [c.name for c in last[0].columns(UR5)]
@@ -185,6 +198,13 @@ def test_a_payload_is_a_change():
     assert found.situation == "changed"
     assert found.findings[0].effect == "payload"
     assert found.findings[0].parameters[columns[0]] == pytest.approx(1.5, rel=0.1)
+
+
+def test_another_link_that_may_carry_the_body_is_named_once():
+    columns = [c.name for c in parse_effects("payload@wrist_3_joint")[0].columns(UR5)]
+    near_the_axis = dict(zip(columns, (1.5, 0.0, 0.0, 0.03), strict=True))
+    first = diagnose(healthy(), [log_of(3, "payload@wrist_3_joint", **near_the_axis)]).findings[0]
+    assert (first.effect, first.elsewhere) == ("payload", ("wrist_1_joint", "wrist_2_joint"))
 
 
 @cache

@@ -7,6 +7,7 @@ import numpy as np
 import pytest
 
 from frischid.diagnosis.diagnosis import diagnose
+from frischid.diagnosis.effect_findings import find_effects
 from frischid.diagnosis.floor import Floor
 from frischid.diagnosis.healthy_twin import HealthyTwin
 from frischid.diagnosis.hypotheses import OTHERS
@@ -108,3 +109,13 @@ def test_what_the_twin_has_too_is_set_aside_where_nothing_missing_is_likeliest(b
 def test_the_twin_is_the_same_for_the_same_logs(effect):
     v = fit(logs_of(effect))
     np.testing.assert_array_equal(HealthyTwin(v).error, HealthyTwin(v).error)
+
+
+def test_only_what_the_noise_of_positions_does_to_the_twin_too_is_called_noise_of_positions(monkeypatch):
+    """A shift that smooths the torque may smooth another error: an encoder that slipped, or friction at reversals."""
+    noisy = [replace(log, q=log.q + np.random.default_rng(5).normal(0, 1e-3, log.q.shape)) for log in logs_of(step=0.0)]
+    validator = cross_validator(identify(ARM, noisy[:1], recursion="none", cutoff=12.0).model, noisy)[0]
+    floor = Floor.of(validator)
+    assert find_effects(validator, floor, "always", ["time_delay"])[1].smoothing
+    monkeypatch.setattr(HealthyTwin, "gain", lambda twin, places: 0.0)
+    assert not find_effects(validator, floor, "always", ["time_delay"])[1].smoothing

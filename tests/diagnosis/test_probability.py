@@ -229,6 +229,10 @@ def test_below_four_fifths_the_rivals_are_told_with_the_motion_that_separates_th
     assert f"--separate time_delay@joint2,{first.effect}@joint2 " in command_for([whole, first])
     tilt = replace(second, effect="gravity_tilt", members=parse_effects("gravity_tilt"))
     assert f"--separate gravity_tilt,{first.effect}@joint2 " in command_for([tilt, first])
+    for change in ("payload", "friction_change", "offset_change"):  # excite refuses them: see test_discrimination
+        other = replace(second, effect=change, members=parse_effects(f"{change}@joint2"))
+        assert command_for([first, other]) == ""
+        assert "frischid excite" not in sentence_of([shared[0], other], {**chance, second.effect: 0.0, change: 0.25})
     sure = [replace(first, probability=0.85), *shared[1:]]
     assert rivals(sure, {**chance, first.effect: 0.85}) == []
     assert sentence_of(sure, {**chance, first.effect: 0.85}) == ""

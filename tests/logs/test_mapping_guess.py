@@ -7,7 +7,7 @@ from click.testing import CliRunner
 
 from frischid.cli import main
 from frischid.errors import InputError
-from frischid.logs.column_names import assign, split
+from frischid.logs.column_names import assign, split, split_all
 from frischid.logs.mapping_guess import propose
 from frischid.logs.readers import read_chunks, read_log
 from frischid.logs.table_writing import write_table
@@ -296,3 +296,18 @@ def test_a_name_with_a_number_is_exact_beside_one_without():
     found = assign(names, ["j1", "j2", "z"])
     assert found.how == "name"
     assert found.columns == {"j1": "q_j1", "j2": "q_j2", "z": "q_z"}
+
+
+@pytest.mark.parametrize(
+    ("position", "effort"),
+    [("Act_Pos_{}", "Motor_Current_{}_A"), ("pos_{}_m", "current_{}_A"), ("{}_pos", "{}_current_A")],
+)
+def test_a_letter_that_all_columns_share_is_a_unit_and_no_axis(position, effort):
+    axes = ("X", "Y", "Z")
+    names = [template.format(axis) for template in (position, effort) for axis in axes]
+    named = split_all(names)
+    for channel, template in (("q", position), ("current", effort)):
+        columns = {n: rest for n, (kind, rest) in named.items() if kind == channel}
+        assert assign(columns, ("x", "y", "z")).columns == {a.lower(): template.format(a) for a in axes}
+        assert assign(columns, ("x", "y", "z")).how == "name"
+    assert split_all(["current_A", "current_B"]) == {n: split(n) for n in ("current_A", "current_B")}

@@ -5,7 +5,7 @@ from click.testing import CliRunner
 from frischid.cli import main
 from frischid.effects import BASELINE, parse_effects
 from frischid.errors import IdentifiabilityError, InputError
-from frischid.motions.discrimination import separate
+from frischid.motions.discrimination import _lost, separate
 from frischid.motions.plan_options import PlanOptions
 from frischid.robot.robot import Robot
 
@@ -39,6 +39,16 @@ def test_an_effect_that_contains_the_other_is_told_by_what_it_has_beside():
         if budget > 1000:
             assert apart.sharper > 1.1
             assert 0.1 < apart.correlation < apart.typical < 1
+
+
+def test_columns_that_act_as_other_parameters_do_are_left_out():
+    """The rotor's share of a coupled motor is an inertia of parallel links; its friction is not."""
+    load, coupled = parse_effects("load_friction@joint1, joint_coupling@joint1+joint2")
+    assert _lost(PLANAR, BASELINE, coupled)
+    for pair in ((load, coupled), (coupled, load)):
+        apart = separate(PLANAR, *pair, options=PlanOptions(duration=8.0, budget=60))
+        assert apart.shared == ()
+        assert 0 <= apart.correlation < 0.999
 
 
 def test_the_command_line_writes_the_motion(tmp_path):
