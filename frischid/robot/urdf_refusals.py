@@ -21,7 +21,11 @@ def cause_of_refusal(urdf: str) -> str:
     >>> cause_of_refusal('<robot name="r"><link name="a"/><link name="a"/></robot>')
     "the link 'a' stands twice: rename one of them"
     """
-    return next(_causes(ET.fromstring(urdf)), "")
+    try:
+        root = ET.fromstring(urdf)
+    except ET.ParseError as error:  # in a model file, whose URDF nobody has read yet
+        return f"it is no XML: {error}"
+    return next(_causes(root), "")
 
 
 def link_with_two_parents(root: ET.Element) -> str:
