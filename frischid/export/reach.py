@@ -14,6 +14,7 @@ from typing import Any
 
 from frischid.effects import EFFECTS, Backlash, Effect, Elasticity, JointSpring, columns_of
 from frischid.export.code_columns import CodeModel, NoCodeError
+from frischid.export.consistency import describes_change
 from frischid.export.mjcf_gears import has_gears
 from frischid.export.mjcf_share import forces, share_of
 from frischid.model.model import Model
@@ -147,6 +148,10 @@ def reach_of(model: Model) -> tuple[Reach, ...]:
     [('code', (), ()), ('MJCF', (), ('hysteresis(distance=0.006, width=0.005)',)), \
 ('URDF', ('hysteresis(distance=0.006, width=0.005)',), ())]
     """
+    fitted = {parameter.effect for parameter in model.parameters}
+    changes = tuple(str(effect) for effect in model.effects if effect.change and effect.id in fitted)
+    if changes and describes_change(model):
+        return tuple(Reach(name, refused=changes) for name in ("code", "MJCF", "URDF"))
     return (
         _code(model),
         Reach("MJCF", left_out(model, "MJCF"), beside=beside(model)),
@@ -178,6 +183,11 @@ def _writable(model: Model, effect: Effect) -> bool:
 def in_words(reach: Sequence[Reach]) -> str:
     """One line for a terminal."""
     code, *others = reach
+    if any(x.refused for x in others):
+        return (
+            f"exports to no format, because {_ids(code.refused)} describes a change of the robot; identify the robot "
+            "again, or take the change back (frischid history --undo)"
+        )
     if code.refused:
         said = [f"C and NumPy: not with {', '.join(code.refused)}, whose class states no code"]
     else:

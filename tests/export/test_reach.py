@@ -37,6 +37,18 @@ def test_every_effect_of_the_catalogue_can_be_code(fitted):
         assert urdf.whole == (of_controller or name in ("viscous", "coulomb"))
 
 
+def test_a_change_of_the_robot_is_exported_to_no_format(fitted, tmp_path):
+    """The terminal had said "C and NumPy: whole" of such a model, whose export is refused."""
+    model, log = fitted
+    step = fr.add(model, parse_effects("offset_change@joint2"), [log], situation="changed")
+    assert [(x.format, x.whole, x.refused) for x in reach_of(step.model)] == [
+        (name, False, ("offset_change@joint2",)) for name in ("code", "MJCF", "URDF")
+    ]
+    assert in_words(reach_of(step.model)).startswith("exports to no format, because offset_change describes a change")
+    with pytest.raises(fr.InputError, match="describes a change of the robot"):
+        fr.export(step.model, tmp_path / "robot.c")
+
+
 def test_add_says_what_the_model_can_be_exported_to(fitted):
     model, log = fitted
     step = fr.add(model, parse_effects("hysteresis"), [log])
