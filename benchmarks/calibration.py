@@ -39,8 +39,9 @@ from numpy.typing import NDArray
 
 from frischid.core.files import write_text
 from frischid.core.types import Array
-from frischid.diagnosis.diagnosis import Diagnosis, diagnose
+from frischid.diagnosis.diagnosis import diagnose
 from frischid.diagnosis.probability import DATA, Weights, chances, fitted
+from frischid.diagnosis.result import Diagnosis
 from frischid.diagnosis.rivals import MOST_RIVALS
 from frischid.model.identification import identify
 

@@ -27,8 +27,9 @@ from hidden_cases import Case
 from frischid.diagnosis.criteria import DIAGNOSIS_CRITERIA, DiagnosisCriteria
 from frischid.diagnosis.cross_validation import CrossValidator
 from frischid.diagnosis.dataset import RegressionData
-from frischid.diagnosis.diagnosis import Diagnosis, diagnose
+from frischid.diagnosis.diagnosis import diagnose
 from frischid.diagnosis.model_columns import ModelColumns
+from frischid.diagnosis.result import Diagnosis
 from frischid.estimators.least_squares import Prior
 from frischid.logs.log import Log
 from frischid.model.identification import identify

@@ -2,11 +2,11 @@
 from .core.progress import progress_bar as progress_bar
 from .core.version import __version__ as __version__
 from .diagnosis.addition import add as add
-from .diagnosis.diagnosis import Diagnosis as Diagnosis
 from .diagnosis.diagnosis import diagnose as diagnose
 from .diagnosis.improvement import improve as improve
 from .diagnosis.motion_space import MotionDiagnosis as MotionDiagnosis
 from .diagnosis.motion_space import simulate_findings as simulate_findings
+from .diagnosis.result import Diagnosis as Diagnosis
 from .diagnosis.roles import diagnose_in_roles as diagnose_in_roles
 from .effects import BASELINE as BASELINE
 from .effects import EFFECTS as EFFECTS

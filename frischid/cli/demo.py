@@ -13,7 +13,8 @@ import numpy as np
 
 from frischid.core.types import Array
 from frischid.diagnosis.addition import add
-from frischid.diagnosis.diagnosis import Diagnosis, diagnose
+from frischid.diagnosis.diagnosis import diagnose
+from frischid.diagnosis.result import Diagnosis
 from frischid.diagnosis.step import Step
 from frischid.effects import BASELINE, parse_effects
 from frischid.logs.log import Log

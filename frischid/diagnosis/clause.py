@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from frischid.core.text import listed, percent
-from frischid.diagnosis.diagnosis import Diagnosis
+from frischid.diagnosis.result import Diagnosis
 from frischid.diagnosis.rivals import beside, cause_of
 from frischid.model.alarms import FAULTY_LOG
 

@@ -26,8 +26,8 @@ from frischid.diagnosis.cached_motion import Indices
 from frischid.diagnosis.candidate_columns import Candidate
 from frischid.diagnosis.candidate_fits import CandidateFit
 from frischid.diagnosis.cross_validation import CrossValidator
-from frischid.diagnosis.diagnosis import Diagnosis
 from frischid.diagnosis.findings import Finding
+from frischid.diagnosis.result import Diagnosis
 from frischid.model.prediction import Prediction
 
 _BINS = 24  # quantiles of a variable

@@ -20,8 +20,9 @@ from dataclasses import replace
 
 from frischid.diagnosis.addition import fitted_step, tested
 from frischid.diagnosis.criteria import DIAGNOSIS_CRITERIA, DiagnosisCriteria
-from frischid.diagnosis.diagnosis import Diagnosis, diagnose
+from frischid.diagnosis.diagnosis import diagnose
 from frischid.diagnosis.findings import Finding
+from frischid.diagnosis.result import Diagnosis
 from frischid.diagnosis.roles import always_missing, decided_situation, logs_before_change
 from frischid.diagnosis.situation import SituationOption, check_situation
 from frischid.diagnosis.step import Refusal, Step

@@ -25,8 +25,8 @@ import numpy as np
 
 from frischid.core.shown import Shown
 from frischid.diagnosis.addition import add
-from frischid.diagnosis.diagnosis import Diagnosis
 from frischid.diagnosis.findings import Finding
+from frischid.diagnosis.result import Diagnosis
 from frischid.diagnosis.situation import SituationOption
 from frischid.errors import InputError
 from frischid.forward.commanded_motion import follows_commands

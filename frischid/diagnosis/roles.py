@@ -26,10 +26,11 @@ from frischid.core.text import listed, percent
 from frischid.diagnosis.contacts import bursts_of, find_contacts
 from frischid.diagnosis.criteria import DIAGNOSIS_CRITERIA, DiagnosisCriteria
 from frischid.diagnosis.cross_validation import CrossValidator
-from frischid.diagnosis.diagnosis import Diagnosis, diagnose
+from frischid.diagnosis.diagnosis import diagnose
 from frischid.diagnosis.findings import Finding
 from frischid.diagnosis.floor import Floor
 from frischid.diagnosis.refit import refitted
+from frischid.diagnosis.result import Diagnosis
 from frischid.diagnosis.situation import (
     Situation,
     SituationOption,

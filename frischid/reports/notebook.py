@@ -17,8 +17,8 @@ from markupsafe import Markup
 
 from frischid import figures
 from frischid.diagnosis.clause import missing
-from frischid.diagnosis.diagnosis import Diagnosis
 from frischid.diagnosis.motion_space import MotionDiagnosis
+from frischid.diagnosis.result import Diagnosis
 from frischid.errors import InputError
 from frischid.figures.robot_picture import robot_picture
 from frischid.figures.style import BLUE, GREEN, MEASURED, number

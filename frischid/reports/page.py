@@ -19,7 +19,7 @@ from markupsafe import Markup
 from frischid.core.files import check_writable, write_text
 from frischid.core.text import counted, listed
 from frischid.core.types import Array
-from frischid.diagnosis.diagnosis import Diagnosis
+from frischid.diagnosis.result import Diagnosis
 from frischid.logs.given import Logs, as_logs
 from frischid.logs.mapping import MappingLike
 from frischid.model.model import Model

@@ -11,9 +11,9 @@ import numpy as np
 
 from frischid.core.text import listed
 from frischid.core.types import Array
-from frischid.diagnosis.diagnosis import Diagnosis
 from frischid.diagnosis.findings import Finding
 from frischid.diagnosis.improvement import next_step
+from frischid.diagnosis.result import Diagnosis
 from frischid.diagnosis.rivals import suspect_of
 from frischid.diagnosis.roles import diagnose_with, roles
 from frischid.diagnosis.step import Refusal

@@ -31,8 +31,8 @@ from frischid.studio.first_look import first_look
 from frischid.studio.watch import Tried, Watch
 
 if TYPE_CHECKING:  # jobs import these modules themselves, so that the first picture does not wait
-    from frischid.diagnosis.diagnosis import Diagnosis
     from frischid.diagnosis.findings import Finding
+    from frischid.diagnosis.result import Diagnosis
     from frischid.diagnosis.roles import Roles
     from frischid.diagnosis.situation import SituationOption
     from frischid.forward.simulated_beside import SimulatedBeside

@@ -9,10 +9,11 @@ import pytest
 
 from frischid.cli.pages.improving import diagnosis as page_of
 from frischid.diagnosis.clause import missing
-from frischid.diagnosis.diagnosis import Diagnosis, diagnose
+from frischid.diagnosis.diagnosis import diagnose
 from frischid.diagnosis.floor import error_of, refuted
 from frischid.diagnosis.hypotheses import OTHERS, Evidence, evidence_of
 from frischid.diagnosis.probability import DATA, Weights, chances, fitted, probabilities
+from frischid.diagnosis.result import Diagnosis
 from frischid.diagnosis.rivals import IN_WORDS, beside, command_for, pair_of, rivals, sentence_of
 from frischid.diagnosis.situation import cross_validator
 from frischid.diagnosis.verdict import concluded

@@ -11,10 +11,10 @@ from frischid.cli.narrow import Command
 from frischid.cli.pages.page import Page, change, headline_line, quantities, table_of
 from frischid.core.text import percent, sentence
 from frischid.diagnosis.clause import missing, on_condition
-from frischid.diagnosis.diagnosis import Diagnosis
 from frischid.diagnosis.findings import Finding
 from frischid.diagnosis.model_notes import TOUCHED, delay_in
 from frischid.diagnosis.motion_space import MotionDiagnosis
+from frischid.diagnosis.result import Diagnosis
 from frischid.diagnosis.rivals import HOW_RANKED, IN_WORDS
 from frischid.diagnosis.step import Step
 from frischid.effects import EFFECTS

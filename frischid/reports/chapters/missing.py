@@ -9,9 +9,9 @@ from typing import Any
 from frischid import figures
 from frischid.core.text import listed, percent, sentence
 from frischid.diagnosis.clause import missing
-from frischid.diagnosis.diagnosis import Diagnosis
 from frischid.diagnosis.effect_curves import shape_of
 from frischid.diagnosis.findings import Finding
+from frischid.diagnosis.result import Diagnosis
 from frischid.diagnosis.rivals import HOW_RANKED, IN_WORDS, command_for, pair_of, sentence_of
 from frischid.effects import EFFECTS
 from frischid.figures.style import number

@@ -13,8 +13,8 @@ from markupsafe import Markup
 from frischid import figures
 from frischid.core.text import listed
 from frischid.diagnosis.clause import missing
-from frischid.diagnosis.diagnosis import Diagnosis
 from frischid.diagnosis.model_notes import TOUCHED, longest_untouched
+from frischid.diagnosis.result import Diagnosis
 from frischid.diagnosis.rivals import command_for, pair_of
 from frischid.figures.robot_picture import STEPS, WORDS, robot_picture
 from frischid.model.events import selection_errors
