@@ -5,7 +5,8 @@ simulated benchmark, along the measured motion) is added to the measured torque,
 
 - *always*: to all logs. The model is identified from all logs but the last, and diagnosed on all of them.
 - *changed*: to the last log only. The model is identified from the other logs, and diagnosed on the last, as `frischid
-  diagnose` does: the model's own logs are files, and are found again.
+  diagnose` does: the model's own logs are files, and are found again. Other friction and another torque offset are
+  planted here alone, because a model of all logs has them.
 
 Without a planted effect, the first finding is an effect of the robot itself. A planted effect counts as named when it
 is the first finding, or the second after that own one. The answer is the most probable hypothesis; it counts as right
@@ -42,7 +43,7 @@ from calibration import calibration_error, reliability
 from common import data_folder, parser, publish
 from hidden_cases import EFFECTS
 from hidden_parts import CHANNELS, GEARS, LEAST_VISIBLE, TRIES, Baseline, acting
-from hidden_physics import STEP, Array, Drive, World, direction, rnea
+from hidden_physics import STEP, Array, Drive, World, direction, rms, rnea
 from hidden_physics import Path as Motion
 from hidden_shapes import SHAPES, SMALL, Hidden
 from hidden_unknown import UNKNOWN
@@ -62,7 +63,25 @@ KINDS = (
     "contact",
     *STRANGE,
 )
-SITUATIONS = {"always": [k for k in KINDS if k not in EFFECTS or k in SMALL], "changed": list(KINDS)}
+
+
+def friction_change(rng: np.random.Generator, fit: World, j: int) -> Hidden:
+    """More viscous and dry friction than before."""
+    dry, scale = rng.uniform(0.2, 1.0), rms(fit.path.v)[j]
+    return Hidden(
+        lambda w: w.on(j, dry * w.sign[:, j] + (1 - dry) * w.path.v[:, j] / scale), (j,), f"{dry:.0%} of it dry"
+    )
+
+
+def offset_change(rng: np.random.Generator, fit: World, j: int) -> Hidden:
+    """Another torque offset than before."""
+    way = rng.choice([-1.0, 1.0])
+    return Hidden(lambda w: w.on(j, np.full(len(w.path.t), way)), (j,), f"{way:+.0f}")
+
+
+PARAMETERS = {"friction_change": friction_change, "offset_change": offset_change}
+"""Changes of parameters that a model has."""
+SITUATIONS = {"always": [k for k in KINDS if k not in EFFECTS or k in SMALL], "changed": [*KINDS, *PARAMETERS]}
 DRAWS = 2000
 """Sets of answers that are drawn for the calibration error by chance."""
 DELAY = 0.1
@@ -130,7 +149,7 @@ def drawn(
     """An effect of the job's size on a joint with measured torque, drawn until the model does not absorb too much."""
     baseline, best = Baseline(worlds[:1], scale), (-1.0, None, list[Array]())
     for _ in range(TRIES):
-        found = (SHAPES | UNKNOWN)[kind](rng, worlds[0], int(rng.choice(fitted)))
+        found = (SHAPES | UNKNOWN | PARAMETERS)[kind](rng, worlds[0], int(rng.choice(fitted)))
         counted = [(found.size or found.torque)(w) for w in worlds]
         factor = size / float((acting(counted) / scale).max())
         torque = [factor * found.torque(w) for w in worlds]
@@ -157,7 +176,9 @@ def run(job: Job) -> dict[str, Any]:
     fit, valid = (read(case, folder, whole, paths) for paths in (case.fit, case.valid))
     model = fr.identify(whole, fit, torque_joints=case.torque_joints, recursion="none").model
     robot, fitted = model.robot, list(model.torque_index)
-    rng = np.random.default_rng([job.seed, job.robot, KINDS.index(job.kind), list(SITUATIONS).index(job.situation)])
+    rng = np.random.default_rng(
+        [job.seed, job.robot, SITUATIONS["changed"].index(job.kind), list(SITUATIONS).index(job.situation)]
+    )
     logs = [log.select(robot.joints) for log in [*fit, *valid]]
     if job.situation == "always":
         logs, detail = planted(job.kind, job.size, logs, robot, fitted, rng)
