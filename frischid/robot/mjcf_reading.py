@@ -56,11 +56,18 @@ def model_of_mjcf(path: Path) -> Any:
 def gravity_of_mjcf(path: Path, above: Sequence[Path] = ()) -> tuple[float, float, float] | None:
     """Gravity that an MJCF file states, or a file that it includes, m/s²; None where none does.
 
+    Parameters
+    ----------
+    path : Path
+    above : sequence of Path
+        The files that include this one, the main file first: names of included files are relative to its folder.
+
     Raises
     ------
     InputError
         The gravity is not three numbers, or the file is no XML.
     """
+    chain = (*above, path)
     try:
         root, found = ET.parse(path).getroot(), None
     except (ET.ParseError, OSError) as error:
@@ -68,8 +75,10 @@ def gravity_of_mjcf(path: Path, above: Sequence[Path] = ()) -> tuple[float, floa
     for tag in root.iter():
         if tag.tag == "option" and "gravity" in tag.attrib:
             found = stated_gravity(tag.attrib["gravity"], str(path))
-        elif tag.tag == "include" and (inside := path.parent / tag.get("file", "")) not in (*above, path):
-            found = gravity_of_mjcf(inside, (*above, path)) or found
+        elif tag.tag == "include":
+            named = (file.parent / tag.get("file", "") for file in (chain[0], path))
+            inside = next((file for file in named if file.is_file()), path)
+            found = (None if inside in chain else gravity_of_mjcf(inside, chain)) or found
     return found
 
 

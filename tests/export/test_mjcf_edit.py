@@ -16,7 +16,7 @@ from frischid.model.identification import identify
 from frischid.motions.limits import nominal_torque
 from frischid.motions.simulation import Noise, simulate
 from frischid.motions.trajectory import random_fourier
-from frischid.robot.mjcf_reading import urdf_of_mjcf
+from frischid.robot.mjcf_reading import gravity_of_mjcf, urdf_of_mjcf
 from frischid.robot.robot import Robot
 
 ARM = """<mujoco model="arm">
@@ -70,6 +70,11 @@ def test_the_gravity_of_the_file_is_the_robots(path):
     assert not any("gravity" in note for note in export(model, path.parent / "same.xml", into=path).notes)
     path.write_text(ARM.replace("<default>", '<include file="scene.xml"/><default>', 1))
     assert Robot.load(path).gravity == (0.0, 0.0, -1.62)
+    (path.parent / "parts").mkdir()
+    (path.parent / "parts" / "world.xml").write_text('<mujoco><include file="scene.xml"/></mujoco>')
+    nested = ARM.replace("<default>", '<include file="parts/world.xml"/><default>', 1)
+    (path.parent / "nested.xml").write_text(nested)
+    assert gravity_of_mjcf(path.parent / "nested.xml") == (0.0, 0.0, -1.62), "relative to the main file, as in MuJoCo"
     (note,) = (n for n in export(model, path.parent / "other.xml", into=path).notes if "gravity" in n)
     assert note == "arm.xml keeps its own gravity; the model's is (1, 0, -3) m/s²: set <option gravity> to it"
     path.write_text(ARM.replace("<default>", '<option gravity="down"/><default>', 1))
