@@ -227,14 +227,14 @@ def free_masses(model: Model) -> tuple[str, ...]:
 def describes_change(model: Model) -> bool:
     """Whether a model has columns of a change beside all of the robot's own parameters, which leave its links open."""
     regressor = Regressor(model.robot, model.effects, model.reference)
-    return tuple(structure(regressor, model.joints).base) != tuple(model.base)
+    return structure(regressor, model.joints).base != model.base
 
 
 def _structure(model: Model, regressor: Regressor) -> Array:
     """K in ``θ_base = K θ`` over all rigid parameters (known ones: zero) and the effects'."""
     robot = model.robot
     reduction = structure(regressor, model.joints)
-    if describes_change(model):
+    if reduction.base != model.base:
         raise InputError(
             "this model describes a change of the robot (such as a payload) beside the robot's own parameters, so its "
             "links are undetermined; take the change back (frischid history --undo) or identify the robot again"

@@ -110,7 +110,7 @@ def separate(
         if any(effect.id == name and set(effect.joints or robot.joints) <= set(joints) for name, joints in known):
             raise InputError(f"{effect} is in the model already; name two effects that are not")
     pair = f"{first} and {second}"
-    lost = [name for e in (first, second) for name in _lost(robot, effects, e, all_of_them=True)]
+    lost = [name for e in (first, second) if not _further(robot, effects, e) for name in _lost(robot, effects, e)]
     if not lost and not _further(robot, (*effects, first), second):
         first, second = second, first  # the effect with more columns comes last
     inside = set(_lost(robot, effects, second))
@@ -141,13 +141,12 @@ def _further(robot: Robot, effects: Sequence[Effect], effect: Effect) -> int:
     return len(effect.columns(robot)) - len(_lost(robot, effects, effect))
 
 
-def _lost(robot: Robot, effects: Sequence[Effect], effect: Effect, *, all_of_them: bool = False) -> list[str]:
-    """Columns of an effect that act just as those of other effects do; `all_of_them`: none if any does not."""
+def _lost(robot: Robot, effects: Sequence[Effect], effect: Effect) -> list[str]:
+    """Columns of an effect that act just as those of other effects do."""
     regressor = Regressor(robot, (*effects, effect))
     base = structure(regressor, robot.joints).base
     own = range(len(regressor.columns) - len(effect.columns(robot)), len(regressor.columns))
-    lost = [regressor.columns[i].name for i in own if i not in base]
-    return [] if all_of_them and len(lost) < len(own) else lost
+    return [regressor.columns[i].name for i in own if i not in base]
 
 
 def _told_apart(regressor: Regressor, base: Array, counts: tuple[int, int], motion: Trajectory) -> tuple[float, float]:
