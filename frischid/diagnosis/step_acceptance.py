@@ -83,7 +83,7 @@ def reason_against(validator: CrossValidator, effects: Sequence[Effect]) -> str:
         return f"{_named(validator.joints, worse, *sums)} would become worse"
     ratio = np.log(np.maximum(sums[1], 1e-300) / np.maximum(sums[0], 1e-300))
     rise, energy = np.sum([np.stack(each[row]) / max(sums[0][row], 1e-300) for row in candidate.columns], axis=0)
-    if not falls_by_chance(-rise, energy, criteria) < criteria.block_p_value:
+    if not p_value_of_fall(-rise, energy, criteria) < criteria.block_p_value:
         return (
             f"the error of {listed([validator.joints[row] for row in candidate.columns])} does not fall consistently "
             "over blocks of time"
@@ -101,7 +101,7 @@ def _rise(before: CrossValidator, after: CrossValidator, row: int) -> tuple[Arra
     return rise, energy
 
 
-def falls_by_chance(fall: Array, energy: Array, criteria: DiagnosisCriteria) -> float:
+def p_value_of_fall(fall: Array, energy: Array, criteria: DiagnosisCriteria) -> float:
     """P value of the fall of the squared error over blocks of time.
 
     Parameters
@@ -114,9 +114,9 @@ def falls_by_chance(fall: Array, energy: Array, criteria: DiagnosisCriteria) -> 
     --------
     >>> import numpy as np
     >>> from frischid.diagnosis.criteria import DiagnosisCriteria
-    >>> from frischid.diagnosis.step_acceptance import falls_by_chance
+    >>> from frischid.diagnosis.step_acceptance import p_value_of_fall
     >>> three = np.array([0.55, 0.01, 0.44])  # a short log, whose error is gone in every block
-    >>> falls_by_chance(three, three, DiagnosisCriteria()) < 0.001
+    >>> p_value_of_fall(three, three, DiagnosisCriteria()) < 0.001
     True
     """
     there = fall != 0

@@ -18,16 +18,14 @@ import numpy as np
 
 from frischid.core.types import Array
 from frischid.errors import InputError
+from frischid.robot.motion_arrays import numbers_of
 
 
 def _as_floats(source: object, *names: str) -> None:
     """Turn fields of a frozen source into arrays of floats; None stays None."""
     for name in names:
         given = getattr(source, name)
-        try:
-            object.__setattr__(source, name, None if given is None else np.asarray(given, dtype=float))
-        except (TypeError, ValueError) as error:
-            raise InputError(f"{name} must be an array of numbers, of rows of one length: {error}") from error
+        object.__setattr__(source, name, None if given is None else numbers_of(name, given))
 
 
 class TorqueSource(Protocol):

@@ -29,6 +29,7 @@ from frischid.core.types import Array
 from frischid.errors import InputError, UnknownNameError
 from frischid.motions.chirps import STEP_SHARES, USUAL, law
 from frischid.motions.motion_request import check_length
+from frischid.robot.motion_arrays import numbers_of
 from frischid.robot.robot import Robot
 
 
@@ -141,10 +142,7 @@ class Quintic:
 
     def __post_init__(self) -> None:
         for name in ("t", "q", "v", "a"):
-            try:
-                object.__setattr__(self, name, np.asarray(getattr(self, name), dtype=float))
-            except (TypeError, ValueError) as error:
-                raise InputError(f"{name} of points to interpolate must be an array of numbers: {error}") from error
+            object.__setattr__(self, name, numbers_of(f"{name} of points to interpolate", getattr(self, name)))
         if self.t.ndim != 1 or len(self.t) < 2 or not (np.diff(self.t) > 0).all():
             raise InputError("points to interpolate need at least two strictly increasing times")
         for name, x in (("q", self.q), ("v", self.v), ("a", self.a)):

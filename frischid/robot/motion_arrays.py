@@ -36,7 +36,7 @@ def motion_of(joints: Sequence[str], **given: Any) -> tuple[Array, ...]:
     Traceback (most recent call last):
     frischid.errors.InputError: tau has the shape (2, 1); expected (2, 2): a row for each sample of q, ...
     """
-    arrays = {name: np.atleast_2d(_numbers(name, x)) for name, x in given.items()}
+    arrays = {name: np.atleast_2d(numbers_of(name, x)) for name, x in given.items()}
     first, lead = next(iter(arrays.items()))
     for name, x in arrays.items():
         if x.ndim != 2 or x.shape[1] != len(joints) or len(x) != len(lead):
@@ -72,7 +72,7 @@ def times_of(t: Any, count: int, *, forward: bool = False) -> Array:
     """
     if t is None:
         return np.zeros(count)
-    times = _numbers("t", t)
+    times = numbers_of("t", t)
     if times.shape != (count,):
         raise InputError(f"t has the shape {times.shape}; expected ({count},): a time in s for each sample")
     if not np.isfinite(times).all():
@@ -86,7 +86,14 @@ def times_of(t: Any, count: int, *, forward: bool = False) -> Array:
     return times
 
 
-def _numbers(name: str, x: Any) -> Array:
+def numbers_of(name: str, x: Any) -> Array:
+    """An array of floats; `name` is what a message calls it.
+
+    Raises
+    ------
+    InputError
+        The values are no numbers, or rows have different lengths.
+    """
     try:
         return np.asarray(x, dtype=float)
     except (TypeError, ValueError) as error:

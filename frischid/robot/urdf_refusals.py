@@ -68,9 +68,8 @@ def _causes_in(joint: ET.Element, links: set[str]) -> Iterator[str]:
             )
     limit, dynamics = joint.find("limit"), joint.find("dynamics")
     if kind in ("revolute", "prismatic"):
-        lacking = (
-            ["effort", "velocity"] if limit is None else [k for k in ("effort", "velocity") if k not in limit.attrib]
-        )
+        stated = {} if limit is None else limit.attrib
+        lacking = [key for key in ("effort", "velocity") if key not in stated]
         if lacking:
             yield f"{name} has no <limit> with {' and '.join(lacking)}: a {kind} joint needs one"
     if dynamics is not None and not {"damping", "friction"} & set(dynamics.keys()):

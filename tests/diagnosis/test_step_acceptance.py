@@ -12,7 +12,7 @@ from frischid.diagnosis.block_test import p_value_of
 from frischid.diagnosis.criteria import DiagnosisCriteria
 from frischid.diagnosis.situation import cross_validator
 from frischid.diagnosis.step_acceptance import (
-    falls_by_chance,
+    p_value_of_fall,
     reason_against,
     rejection,
     worse_joints,
@@ -302,7 +302,7 @@ def test_of_many_blocks_the_energy_does_not_decide():
     rng, criteria = np.random.default_rng(3), DiagnosisCriteria()
     for count in (5, 6, 20):
         fall, energy = rng.normal(0.2, 1.0, count), rng.uniform(0.1, 5.0, count)
-        assert falls_by_chance(fall, energy, criteria) == p_value_of(fall)
+        assert p_value_of_fall(fall, energy, criteria) == p_value_of(fall)
 
 
 def test_of_few_blocks_chance_seldom_passes():
@@ -312,5 +312,5 @@ def test_of_few_blocks_chance_seldom_passes():
     for _ in range(2000):
         x = rng.lognormal(0.0, 1.0, rng.integers(3, 5))
         fall = 2 * rng.normal(size=len(x)) * x - 0.1 * x**2
-        passed += falls_by_chance(fall, x**2, criteria) < criteria.block_p_value
+        passed += p_value_of_fall(fall, x**2, criteria) < criteria.block_p_value
     assert passed / 2000 < 1.5 * criteria.block_p_value
