@@ -37,7 +37,7 @@ def find_effects(
     situation: str,
     only: Sequence[str] | None = None,
     progress: Callable[[str], None] = lambda _: None,
-) -> tuple[list[Finding], Ranking]:
+) -> tuple[list[Finding], Ranking, Array]:
     """Score every effect that can act on this robot.
 
     Parameters
@@ -55,6 +55,8 @@ def find_effects(
     findings : list of Finding
         Best first.
     ranking : Ranking
+    noise : ndarray, shape (J,)
+        Floor of each joint where the model with all effects that entered is known, N·m (N).
     """
     kinds = [
         kind
@@ -62,12 +64,12 @@ def find_effects(
         if (only is None or name in only) and not (kind.change and situation == "always")
     ]
     ranked = ranking(validator, kinds, progress)
-    noise = floor.under(ranked.full)
+    noise = floor.under(ranked.full, ranked.entered)
     moving = ~only_at_reversals(validator, noise)
     floors = noise, floor.without_effects(noise)
     # The twin has the noise of the positions alone: what smooths nothing there smooths another error here.
-    ranked = replace(ranked, smoothing=tuple(c for c in ranked.smoothing if floor.twin.gain([c.effect]) > 0))
-    return [_finding(validator, floors, moving, effect, floor.twin) for effect in ranked.effects], ranked
+    ranked = replace(ranked, smoothing=tuple(c for c in ranked.smoothing if floor.twin.explained([c.effect]) > 0))
+    return [_finding(validator, floors, moving, effect, floor.twin) for effect in ranked.effects], ranked, noise
 
 
 def _finding(
@@ -101,7 +103,7 @@ def _finding(
         share=explained_share(before[rows], after[rows], noise[rows], validator.criteria),
         floors=in_floors(before[seen], noise[seen]),
         over_twin=in_floors(before[seen], least[seen]),
-        twin_gain=twin.gain(members) if effect.gain > 0 and (effect.entered or effect.rivals) else 0.0,
+        twin_removed=twin.explained(members) if effect.gain > 0 and (effect.entered or effect.rivals) else 0.0,
         p_value=effect.p_value,
         parameters=dict(zip(names, map(float, effect.score.beta), strict=True)) | shapes,
         confused_with=effect.rivals,
@@ -143,7 +145,7 @@ def refit_finding(validator: CrossValidator, floor: Array) -> Finding:
         share=explained_share(*errors, noise, criteria),
         floors=in_floors(errors[0], noise),
         over_twin=in_floors(errors[0], noise),
-        twin_gain=0.0,
+        twin_removed=0.0,
         p_value=float(special.chdtrc(parameters, 2 * ratio)) if gain > 0 else 1.0,
         parameters={},
         confused_with=(),

@@ -91,6 +91,8 @@ class Ranking:
         In order.
     full, without_first : CrossValidator
         Of the model with all effects that entered, and with all of these but the first.
+    entered : tuple of Effect
+        The effects that entered, place by place, in their order.
     smoothing : tuple of ScoredCandidate
         Shifts in time that are no delays (`symmetric_shifts`); they are not among the effects.
     """
@@ -98,6 +100,7 @@ class Ranking:
     effects: list[ScoredEffect]
     full: CrossValidator
     without_first: CrossValidator
+    entered: tuple[Effect, ...] = ()
     smoothing: tuple[ScoredCandidate, ...] = ()
 
 
@@ -129,7 +132,7 @@ def ranking(
     level = validator.criteria.significance
     effects.sort(key=lambda e: (not e.entered, -e.own.new, -e.own.part, e.p_value > level, -e.explained, -e.gain))
     effects = _with_other_places(validator, _with_rivals(validator, _instead_of_first(validator, effects, pool)), pool)
-    return Ranking(effects, full, with_all(validator, others), tuple(smoothing))
+    return Ranking(effects, full, with_all(validator, others), tuple(c.effect for c in chosen), tuple(smoothing))
 
 
 def _told(

@@ -46,9 +46,9 @@ class Finding:
         do not count.
     over_twin : float
         The same over the error of the healthy twin (`frischid.diagnosis.healthy_twin`).
-    twin_gain : float
-        The gain that the effect seems to have on the healthy twin, which lacks nothing. Zero for an effect that neither
-        entered nor is a rival of the first.
+    twin_removed : float
+        The same fall on the healthy twin, which lacks nothing: the most that noise alone explains. Zero for an effect
+        that neither entered nor is a rival of the first.
     p_value : float
         Of the gain, if the model lacked nothing else, corrected for all candidates tried. It decides inside the search
         and is no probability that the finding is right: see `probability`.
@@ -84,7 +84,7 @@ class Finding:
     share: float
     floors: float
     over_twin: float
-    twin_gain: float
+    twin_removed: float
     p_value: float
     parameters: dict[str, float]
     confused_with: tuple[str, ...]
@@ -117,14 +117,14 @@ class Finding:
         """
         if not self.members and self.gain <= 0:
             return ""  # a verdict in place of an effect
-        if self.gain > 0 and not self.outgains_twin:
-            return "a robot that misses nothing gains as much from it, because sensor noise biases the fit"
+        if self.gain > 0 and not self.more_than_noise:
+            return "it explains as much error of a robot that misses nothing, because sensor noise biases the fit"
         return self.set_aside or self._against(self.floors)
 
     @property
-    def outgains_twin(self) -> bool:
-        """Whether the gain is more than its price, and more than the effect gains on the healthy twin."""
-        return self.gain > self.twin_gain
+    def more_than_noise(self) -> bool:
+        """Whether the gain is more than its price, and the explained error more than that of the healthy twin."""
+        return self.gain > 0 and self.removed > self.twin_removed
 
     @property
     def dry_friction_instead(self) -> bool:

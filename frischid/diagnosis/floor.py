@@ -9,8 +9,10 @@ use n_j; the probabilities use both.
 
 Noise of the drives that is as slow as the motion is part of n_j, as far as it shows above the band (`slow_noise`).
 
-A floor is computed from assumptions on the noise. An error below the floor proves that the floor is wrong there: then
-that error is the floor.
+A floor is computed from assumptions on the noise. An error below the floor proves that the floor is wrong there. Where
+the model has no effect, that error is the floor. An effect whose columns follow the noise of the positions takes a part
+of the noise away, and on the twin too: there it leaves the share s_j of the error. So with the error e_j of the model
+with all effects that entered, the floor is at most e_j / s_j.
 """
 
 from __future__ import annotations
@@ -24,9 +26,10 @@ from numpy.typing import NDArray
 
 from frischid.core.types import Array
 from frischid.diagnosis.cross_validation import CrossValidator
-from frischid.diagnosis.healthy_twin import HealthyTwin
+from frischid.diagnosis.healthy_twin import HealthyTwin, error_of
 from frischid.diagnosis.repeats import measured_noise
 from frischid.diagnosis.slow_noise import slow_noise
+from frischid.effects import Effect
 from frischid.model.noise_floor import NoiseFloor, Octaves
 
 
@@ -71,22 +74,26 @@ class Floor:
         """The floor of the error without an effect, (J,), from that of `under`: the larger of that and the twin's."""
         return np.maximum(noise, self.twin.error)
 
-    def under(self, full: CrossValidator) -> Array:
+    def under(self, full: CrossValidator, entered: Sequence[Effect]) -> Array:
         """The floor where the model with all effects that entered is known, N·m (N), (J,).
 
         Slow noise of the drives raises the floor; an error below the floor lowers it.
+
+        Parameters
+        ----------
+        full : CrossValidator
+            Of the model with all effects that entered.
+        entered : sequence of Effect
+            These effects, in the order in which they entered.
         """
-        return refuted(np.maximum(self.noise, slow_noise(self.octaves, full)), full)
+        floor, error = np.maximum(self.noise, slow_noise(self.octaves, full)), error_of(full)
+        left = self.twin.share_left(entered) if (error < floor).any() else np.ones(len(error))
+        return refuted(floor, error, left)
 
 
-def refuted(floor: Array, full: CrossValidator) -> Array:
-    """The floor, lowered where the model with all effects that entered has a smaller held-out error."""
-    return np.asarray(np.minimum(floor, error_of(full)))
-
-
-def error_of(validator: CrossValidator) -> Array:
-    """Held-out error of each joint without the part that uncertain parameters alone cause, N·m (N), (J,)."""
-    return np.asarray(validator.predictive_nrmse() * validator.spread)
+def refuted(floor: Array, error: Array, left: Array) -> Array:
+    """The floor, (J,), lowered where an error is below the share of the floor that the effects of its model leave."""
+    return np.asarray(np.minimum(floor, error / left))
 
 
 def asks_for_explanation(residual: Array, noise: Array, validator: CrossValidator) -> NDArray[np.bool_]:

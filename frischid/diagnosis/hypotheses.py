@@ -58,7 +58,7 @@ def possible(findings: Sequence[Finding]) -> list[Finding]:
     Where a joint sticks as it reverses, many effects explain a part of that error. None of them is its cause: dry
     friction, which every joint has, is undetermined there.
     """
-    return [f for f in findings if f.outgains_twin and f.removed > 0 and not f.dry_friction_instead]
+    return [f for f in findings if f.more_than_noise and not f.dry_friction_instead]
 
 
 def evidence_of(

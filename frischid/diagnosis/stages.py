@@ -22,15 +22,15 @@ def stages(
 ) -> StageResults:
     """Contacts, findings, and the term outside the catalogue that explains more than the first finding."""
     contacts = find_contacts(validator, floor.noise)
-    findings, ranking = find_effects(validator, floor, situation, effects, progress)
+    findings, ranking, noise = find_effects(validator, floor, situation, effects, progress)
     if contacts:
         rest = validator.without(stretches(contacts))
         if made_by_something_steady(validator, rest, findings):
             contacts = []
         else:
             progress("again without the contacts")
-            validator, (findings, ranking) = rest, find_effects(rest, floor, situation, effects, progress)
-    noise = floor.under(ranking.full)
+            validator = rest
+            findings, ranking, noise = find_effects(rest, floor, situation, effects, progress)
     unmodelled = None if contacts else unmodelled_term(ranking, noise)
     return StageResults(
         validator,

@@ -26,7 +26,7 @@ Source of the spectra: P. Welch, IEEE Trans. Audio and Electroacoustics 15(2), 1
 
 from __future__ import annotations
 
-from collections.abc import Sequence
+from collections.abc import Iterable, Sequence
 from dataclasses import dataclass
 from itertools import pairwise
 from typing import NamedTuple
@@ -38,6 +38,7 @@ from frischid.core.types import Array
 from frischid.logs.filters import LowPass, power_spectrum
 from frischid.logs.log import FEWEST_SAMPLES, STANDSTILL_SPAN, Log
 from frischid.logs.poses import is_static
+from frischid.logs.preprocessing import Motion
 from frischid.logs.time_grid import retimed, uniform
 from frischid.logs.wraps import unwrapped
 
@@ -122,16 +123,25 @@ class LogSpectra:
                 return LowPass(None, "no joint's motion stands out of its noise")
             cutoff = min(CUTOFF_AT_REST, MOST_OF_RATE * self.rate)
             return LowPass(float(f"{cutoff:.2g}"), "usual for arms; these logs hold no motion that tells more")
-        band, noise, clear = (self._median(name) for name in JointSpectrum._fields)
+        band = self._median("band")
         wanted = {
             "ten times the motion's bandwidth": HARMONICS * band,
-            "where the noise of the positions reaches the acceleration": (ACCELERATION_NOISE / max(noise, 1e-300))
-            ** 0.2,
-            "where the torque nears its noise": clear,
+            "where the noise of the positions reaches the acceleration": self._noise_begins,
+            "where the torque nears its noise": self._median("clear"),
         }
         reason = min(wanted, key=lambda name: wanted[name])
         cutoff = min(max(wanted[reason], LEAST_HARMONICS * band), MOST_OF_RATE * self.rate)
         return LowPass(float(f"{cutoff:.2g}"), f"chosen {reason}; the motion's bandwidth is {band:.2g} Hz")
+
+    @property
+    def clean_cutoff(self) -> float:
+        """The highest cut-off, Hz, that the noise of the positions allows; infinite without motion."""
+        return max(self._noise_begins, LEAST_HARMONICS * self._median("band"))
+
+    @property
+    def _noise_begins(self) -> float:
+        """Cut-off, Hz, at which the noise of the positions reaches the acceleration."""
+        return float((ACCELERATION_NOISE / max(self._median("noise"), 1e-300)) ** 0.2)
 
     def _median(self, name: str) -> float:
         values = np.array([getattr(joint, name) for joint in self.joints])
@@ -159,6 +169,18 @@ def choose_lowpass(logs: Sequence[Log], joints: Sequence[str]) -> LowPass:
     LowPass
     """
     return sum((spectra_of(log, joints) for log in logs), LogSpectra()).lowpass()
+
+
+def clean_cutoff(motions: Iterable[Motion]) -> float:
+    """Frequency, Hz, up to which the positions of motions show motion and hardly any noise; infinite without motion."""
+    return sum((_spectra_of_motion(motion) for motion in motions), LogSpectra()).clean_cutoff
+
+
+def _spectra_of_motion(motion: Motion) -> LogSpectra:
+    joints = tuple(str(j) for j in range(motion.q.shape[1]))
+    measured = np.zeros(len(joints), bool) if motion.measured is None else motion.measured[1]
+    log = Log(motion.t, joints, motion.q, a=np.where(measured, motion.a, np.nan) if measured.any() else None)
+    return LogSpectra(tuple(_of_stretch(log)), 1.0 / motion.step)
 
 
 def spectra_of(log: Log, joints: Sequence[str]) -> LogSpectra:

@@ -43,7 +43,7 @@ def sharpened(model: Model, motion: Motion) -> Array:
 
 
 def true_path(motion: Motion, lowpass: LowPass) -> Motion:
-    """The true path of a measured motion, nearly: all channels through the filter, which passes the slower motion."""
+    """The true path of a measured motion, nearly: all channels through a filter, which passes the slower motion."""
     taps = lowpass.taps(motion.step)
     if len(motion.t) < 3 * len(taps):
         return motion

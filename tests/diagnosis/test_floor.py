@@ -64,7 +64,7 @@ def test_the_floor_contains_noise_of_drives_that_is_as_slow_as_the_motion(memory
     v = validator(logs_of(memory))
     floor, error = Floor.of(v), error_of(v)
     assert (floor.noise < 0.8 * error).all(), "without the slow noise the error looks like a missing effect"
-    np.testing.assert_allclose(floor.under(v), error, rtol=0.25)
+    np.testing.assert_allclose(floor.under(v, ()), error, rtol=0.25)
 
 
 def test_slow_noise_makes_predictions_of_short_logs_more_uncertain():
@@ -80,7 +80,7 @@ def test_slow_noise_makes_predictions_of_short_logs_more_uncertain():
         v, _ = cross_validator(identify(arm, logs[:1], recursion="none").model, logs)
         floor, error = Floor.of(v), v.base_nrmse() * v.spread
         slow.append(np.sqrt(np.mean((slow_noise(floor.octaves, v) / error) ** 2)))
-        whole.append(np.sqrt(np.mean((floor.under(v) / error_of(v)) ** 2)))
+        whole.append(np.sqrt(np.mean((floor.under(v, ()) / error_of(v)) ** 2)))
     assert np.mean(slow) < 0.88, "the noise alone is no reason for this error"
     assert np.mean(whole) > 0.9
 
@@ -95,7 +95,7 @@ def test_white_noise_has_no_slow_part():
 def test_a_missing_effect_is_no_noise(memory):
     v = validator(logs_of(memory, "joint_spring@joint2"))
     error = error_of(v)[1]
-    assert Floor.of(v).under(v)[1] < 0.4 * error
+    assert Floor.of(v).under(v, ())[1] < 0.4 * error
 
 
 def test_a_prior_that_is_wrong_does_not_make_the_logs_count_for_nothing():

@@ -138,7 +138,7 @@ class FindingOutput(Output):
     share: float
     floors: float
     over_twin: float
-    twin_gain: NotNegative
+    twin_removed: NotNegative
     parameters: dict[str, float]
     confused_with: list[str]
     sentence: str
