@@ -5,8 +5,8 @@ The twin is a robot like the model. It moves along the logs' path, and sensors a
 columns, and a fit to noisy columns is biased: every fold has another bias, so parameters of the other folds leave an
 error. An error of the logs that is no more than that of the twin is no evidence for a missing effect.
 
-**Parameters of the twin.** The model is a biased fit itself: with much noise its inertias are too small, and so would be
-the twin's error. So where the fit b(θ) to the records of the model's twin differs from θ by more than chance, the twin
+**Parameters of the twin.** The model is a biased fit itself: with much noise its inertias are too small, and so is the
+error of its twin. So where the fit b(θ) to the records of the model's twin differs from θ by more than chance, the twin
 gets the parameters whose fit is that of the logs θ̂ (indirect inference). A few steps from the model lead there,
 
     θ ← θ + θ̂ − b(θ).
