@@ -20,7 +20,7 @@ Source: Gautier, Janot and Vandanjon 2013, IEEE T-CST 21(2), on least squares fo
 from __future__ import annotations
 
 from collections.abc import Mapping, Sequence
-from dataclasses import asdict, dataclass
+from dataclasses import asdict, dataclass, replace
 from typing import Any
 
 import numpy as np
@@ -131,6 +131,103 @@ class UrdfPrior:
             prior.scales,
         )
         return UrdfPrior(wider, self.rows, np.append(self.value, values), np.append(self.from_log, np.ones(k)))
+
+    def moved(self, mapping: Array, theta: Array, covariance: Array) -> UrdfPrior:
+        """The same with other base parameters; the prior says how the values of all parameters follow them.
+
+        θ' = θ + G (θ_b − K θ),   C = S − G K S + G C_b Gᵀ,   G = S Kᵀ (K S Kᵀ)⁻¹,   S the prior's covariance
+
+        Parameters
+        ----------
+        mapping : ndarray, shape (p, C)
+            K in ``θ_b = K θ``.
+        theta : ndarray, shape (p,)
+            The base parameters θ_b.
+        covariance : ndarray, shape (p, p)
+            Theirs, C_b.
+        """
+        spread = self.parameters.total_spread
+        root = mapping * spread
+        gain = (root * spread).T @ gaussian(np.zeros(len(theta)), root).precision
+        left = spread**2 - np.einsum("cp,pc->c", gain, root * spread)
+        variance = np.maximum(left, 0.0) + np.einsum("cp,pq,cq->c", gain, covariance, gain)
+        from_log = np.clip(1.0 - variance / spread**2, 0.0, 1.0)
+        return replace(self, value=self.value + gain @ (theta - mapping @ self.value), from_log=from_log)
+
+    def to_dict(self) -> dict[str, Any]:
+        """Plain JSON values."""
+        return asdict(self)
+
+
+@dataclass(frozen=True, eq=False)
+class UrdfPrior:
+    """The prior that a model was fitted with, as part of the model.
+
+    Attributes
+    ----------
+    parameters : ParameterPrior
+        With the scales that the logs gave.
+    rows : float
+        κ, rows that each joint's data counted for.
+    value : ndarray, shape (C,)
+        Every parameter given the logs, in its unit.
+    from_log : ndarray, shape (C,)
+        Share of the knowledge of each parameter that came from the logs.
+    """
+
+    parameters: ParameterPrior
+    rows: float
+    value: Array
+    from_log: Array
+
+    @classmethod
+    def of(cls, fit: MapEstimate) -> UrdfPrior:
+        """Of an estimate."""
+        return cls(fit.prior, fit.rows, fit.full, fit.from_log)
+
+    def extended(self, columns: Sequence[Column], values: Array) -> UrdfPrior:
+        """The same with further parameters, for which the prior is nearly flat.
+
+        Parameters
+        ----------
+        columns : sequence of Column
+        values : ndarray, shape (k,)
+            Their values; the prior is ten times as wide.
+        """
+        prior, k = self.parameters, len(columns)
+        wide = 10.0 * np.maximum(np.abs(values), 1e-9)
+        wider = ParameterPrior(
+            (*prior.names, *(c.name for c in columns)),
+            np.append(prior.mean, np.zeros(k)),
+            np.append(prior.spread, wide),
+            (*prior.group, *[""] * k),
+            np.append(prior.nonnegative, [c.sign > 0 for c in columns]),
+            np.append(prior.negative, np.zeros(k)),
+            prior.scales,
+        )
+        return UrdfPrior(wider, self.rows, np.append(self.value, values), np.append(self.from_log, np.ones(k)))
+
+    def moved(self, mapping: Array, theta: Array, covariance: Array) -> UrdfPrior:
+        """The same after base parameters are known in another way: those of all parameters follow by the prior.
+
+        θ = μ + G (θ_b − K μ),   C = S − G K S + G C_b Gᵀ,   G = S Kᵀ (K S Kᵀ)⁻¹,   S the prior's covariance
+
+        Parameters
+        ----------
+        mapping : ndarray, shape (p, C)
+            K in ``θ_b = K θ``.
+        theta : ndarray, shape (p,)
+            The base parameters θ_b.
+        covariance : ndarray, shape (p, p)
+            Theirs, C_b.
+        """
+        mean, spread = self.parameters.mean, self.parameters.total_spread
+        believed = gaussian(mapping @ mean, mapping * spread)
+        gain = (mapping * spread**2).T @ believed.precision
+        left = spread**2 - np.einsum("cp,pc->c", gain, mapping * spread**2)
+        variance = np.maximum(left, 0.0) + np.einsum("cp,pq,cq->c", gain, covariance, gain)
+        from_log = np.clip(1.0 - variance / spread**2, 0.0, 1.0)
+        return UrdfPrior(self.parameters, self.rows, mean + gain @ (theta - believed.mean), from_log)
 
     def to_dict(self) -> dict[str, Any]:
         """Plain JSON values."""
