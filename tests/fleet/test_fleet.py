@@ -238,6 +238,23 @@ def test_a_fleets_model_weighs_what_one_robot_carries(folder, arm):
     assert found.bound["mass"] < 0.5
 
 
+def test_a_joint_that_rests_in_all_logs_of_a_fleet(tmp_path):
+    """Before, NumPy refused "infs or NaNs": a joint without samples has no variance and no mean torque."""
+    robot = fr.Robot.load("planar2")
+    for k in range(3):
+        rng = np.random.default_rng(k)
+        t = np.arange(1000) * 0.01
+        q = np.stack([0.5 * np.sin(1.3 * t + k) + 0.3 * np.sin(3.1 * t), np.full_like(t, 0.4)], axis=1)
+        v = np.gradient(q, t, axis=0)
+        tau = robot.inverse_dynamics(q, v, np.gradient(v, t, axis=0)) + 0.4 * v + 0.02 * rng.normal(size=q.shape)
+        log = fr.Log(t, robot.joints, q=q + 1e-5 * rng.normal(size=q.shape), tau=tau, source=f"r{k}")
+        fr.write_log(log, tmp_path / f"r{k}.parquet")
+    found = identify_fleet(robot, find_logs([f"{tmp_path}/*.parquet"]), FleetOptions(diagnosed=0))
+    assert not found.skipped
+    found.model.save(tmp_path / "model.json")
+    assert np.isfinite(fr.Model.load(tmp_path / "model.json").mean_torque).all()
+
+
 def test_standard_errors_are_those_of_a_mean_over_robots(arm, folder, alone):
     """With a prior, the model's own error is in them too, which all robots share."""
     alike = [m.deviation.own.theta for m in alone.members if not m.differs]
