@@ -15,9 +15,9 @@ Here the simulated controller is computed torque at the reference with feedback 
 
     u = Y(q_r, q̇_r, q̈_r) θ + M(q_s) (ω² e + 2 ω ė),      q̈_s = M(q_s)⁻¹ (u − h(q_s, q̇_s)),
 
-with M and h from the columns (the torque is affine in q̈, but for the sign of dry friction, which is no part of M). The simulation restarts at the reference every second, and
-all seconds are simulated at once. So the simulated motion stays close to the reference for any θ, as the method needs,
-and an error of θ does not grow over the log.
+with M and h from the columns (the torque is affine in q̈, but for the sign of dry friction, which is no part of M). The
+simulation restarts at the reference every second, and all seconds are simulated at once. So the simulated motion stays
+close to the reference for any θ, as the method needs, and an error of θ does not grow over the log.
 
 If no reference was recorded, one is made from the log. At every sample, it is the polynomial that best fits the
 measured q, q̇ and q̈ *around* the sample, without the sample itself and without all samples used for its derivatives.
@@ -295,7 +295,7 @@ class _Torque:
         """M (N, J, J) and h (N, J) with ``τ = M q̈ + h``."""
         N, J = q.shape
         unit = np.concatenate([np.zeros((1, J)), np.eye(J)])
-        many = [np.repeat(x, J + 1, axis=0) for x in (at, q, v)]
-        torque = self._along(self.smooth, *many, np.tile(unit, (N, 1))).reshape(N, J + 1, J)
+        of, each = np.repeat(np.arange(N), J + 1), np.tile(unit, (N, 1))
+        torque = self._along(self.smooth, at[of], q[of], v[of], each).reshape(N, J + 1, J)
         M = (torque[:, 1:] - torque[:, :1]).swapaxes(1, 2)
         return (M + M.swapaxes(1, 2)) / 2, self(at, q, v, np.zeros_like(q))

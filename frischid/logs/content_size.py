@@ -36,7 +36,7 @@ def content_bytes(path: Path) -> int:
             about = pa.parquet.read_metadata(path)
             groups = [about.row_group(g) for g in range(about.num_row_groups)]
             # of a column of lists, all numbers of the lists count
-            return max(size, 8 * sum(g.column(c).num_values for g in groups for c in range(g.num_columns)))
+            return max(size, 8 * sum(int(g.column(c).num_values) for g in groups for c in range(g.num_columns)))
         if path.suffix.lower() == ".npz":
             with zipfile.ZipFile(path) as archive:
                 return max(size, sum(part.file_size for part in archive.infolist()))

@@ -113,7 +113,9 @@ def test_friction_that_leads_the_motion_is_no_inertia():
     regressor, reduction, theta, clean, _ = planar()
     leading = Regressor(regressor.robot, fr.parse_effects("viscous, coulomb(width=0.01, lead=0.02)"))
     at, still = np.arange(len(clean.t)), np.zeros_like(clean.v)
-    plain, ahead = (torque_of(r, reduction, theta, clean).mass_and_rest(at, clean.q, still) for r in (regressor, leading))
+    plain, ahead = (
+        torque_of(r, reduction, theta, clean).mass_and_rest(at, clean.q, still) for r in (regressor, leading)
+    )
     np.testing.assert_allclose(ahead[0], plain[0], rtol=1e-12)
 
 

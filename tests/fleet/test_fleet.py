@@ -180,11 +180,9 @@ def test_logs_of_which_none_has_all_joints_are_skipped_by_name(arm, folder, tmp_
         identify_fleet(arm, find_logs([f"{tmp_path}/*.parquet"]))
 
 
-@pytest.mark.parametrize(
-    "more", [("--gain", "3"), ("--kp", "100"), ("--horizon", "2"), ("--held-commands",), ("--force",), ("--parameters",)]
-)
+@pytest.mark.parametrize("more", ["--gain 3", "--kp 100", "--horizon 2", "--held-commands", "--force", "--parameters"])
 def test_sums_of_moments_refuse_what_they_cannot_use(folder, more):
-    words = ["identify", "planar2", str(folder / "r01" / "log.parquet"), "--scheduler", "none", *more]
+    words = ["identify", "planar2", str(folder / "r01" / "log.parquet"), "--scheduler", "none", *more.split()]
     done = CliRunner().invoke(main, words)
     assert done.exit_code == 2
     assert "--scheduler sums moments" in done.output
