@@ -45,7 +45,8 @@ class Finding:
         Error without the effect over the sensor noise, on the effect's joints; joints whose error is only at reversals
         do not count.
     over_twin : float
-        The same over the error of the healthy twin (`frischid.diagnosis.healthy_twin`).
+        The same over the error of the healthy twin (`frischid.diagnosis.healthy_twin`); of a refit of all parameters,
+        over the sensor noise.
     twin_gain : float
         The gain that the effect seems to have on the healthy twin, which lacks nothing. Zero for an effect that neither
         entered nor is a rival of the first.
