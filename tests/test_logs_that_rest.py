@@ -9,6 +9,7 @@ from cases import robot
 import frischid as fr
 from frischid.errors import InputError
 from frischid.logs.poses import is_static, poses_of
+from frischid.model.log_quality import quality
 
 ARM = robot("planar2")
 COULOMB, VISCOUS = np.array([0.4, 0.2]), np.array([0.6, 0.3])
@@ -155,6 +156,12 @@ def test_static_logs_are_compared_up_to_the_dry_friction():
         assert joint.noise_floor * joint.std == pytest.approx(torque, rel=0.5)
     heavy = fr.compare(of_motion().model, [rows(near, slice(None), 1.2)])
     assert "unlike-the-fitted-logs" in [alarm.id for alarm in heavy.alarms]
+
+
+def test_the_quality_of_a_static_log_is_that_of_its_poses():
+    model = fr.identify(ARM, [jointwise()], recursion="none").model
+    (found,) = quality(model, [static()])
+    assert found.kept == pytest.approx(12 * (POSE - 1) / RATE)
 
 
 def test_static_logs_show_no_effect():

@@ -139,11 +139,11 @@ def identify(
     """
     if scheduler is not None:
         fitted = estimator != "wls" or horizon or window or bbrf not in {"strict", "none"}
-        if valid or fitted or controller != ControllerArguments(None, {}):
+        if valid or fitted or force or parameters or controller != ControllerArguments(None, {}):
             raise InputError(
                 "--scheduler sums moments and cannot be combined with --valid, --estimator, --horizon, --bbrf, "
-                "--window, --controller and the options of a controller; leave these out, or identify on this machine "
-                "without --scheduler"
+                "--window, --force, --parameters, --controller and the options of a controller; leave these out, or "
+                "identify on this machine without --scheduler"
             )
         fleet = FleetArguments(
             effects, mapping, torque_joints, cutoff, velocity, prior or "urdf", output, scheduler, torque_lag=torque_lag

@@ -153,11 +153,11 @@ def _bursts(validator: CrossValidator, rest: CrossValidator, theta: Array, unit:
     motions = zip(data.sources, data.times, speeds(validator), strict=True)
     for number, (source, t, speed) in enumerate(motions):
         z = np.zeros((len(t), len(scale)))
-        for row, unit in enumerate(scale):
+        for row, noise in enumerate(scale):
             joint, active = data.of_motion(row, number), data.cache.active[row]
             variance = np.einsum("ni,ij,nj->n", joint.Y, covariance[np.ix_(active, active)], joint.Y, optimize=True)
             error = joint.tau - validator.columns.predicted(joint, theta)
-            z[joint.picked, row] = error / np.sqrt(unit**2 + variance)
+            z[joint.picked, row] = error / np.sqrt(noise**2 + variance)
         found += _of_motion(source, t, z**2, speed, validator)
     return found
 

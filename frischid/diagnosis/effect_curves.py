@@ -89,14 +89,14 @@ def shape_of(diagnosis: Diagnosis, finding: Finding, prediction: Prediction) -> 
     acts = [k for k, name in enumerate(validator.joints) if name in finding.joints]
     row = max(acts or range(len(curves)), key=lambda k: curves[k].share)
     residual, added = curves[row].residual, curves[row].added
-    where = _samples(validator, row)
-    columns = {k: getattr(prediction, k)[where, row] for k in ("q", "v", "a")}
-    columns |= {"load": prediction.fitted[where, row], "t": prediction.t[where]}
+    where, joint = _samples(validator, row), validator.joints[row]
+    place = prediction.joints.index(joint)  # the prediction also has the joints that never move
+    columns = {k: getattr(prediction, k)[where, place] for k in ("q", "v", "a")}
+    columns |= {"load": prediction.fitted[where, place], "t": prediction.t[where]}
     scores = {k: correlation_ratio(columns[k], added) for k in _VARIABLES}
     physical = max(_VARIABLES[:-1], key=lambda k: scores[k])
     # Everything in a slow motion is a function of time: time is the last resort.
     variable = physical if scores[physical] >= _LEAST_RATIO else _VARIABLES[-1]
-    joint = validator.joints[row]
     if scores[variable] >= _LEAST_RATIO:
         return Shape(finding.effect, joint, variable, columns[variable], residual, added)
     log, t = prediction.log[where], prediction.t[where]

@@ -45,10 +45,11 @@ class Finding:
         Error without the effect over the sensor noise, on the effect's joints; joints whose error is only at reversals
         do not count.
     over_twin : float
-        The same over the error of the healthy twin (`frischid.diagnosis.healthy_twin`).
+        The same over the error of the healthy twin (`frischid.diagnosis.healthy_twin`); of a refit of all parameters,
+        over the sensor noise.
     twin_removed : float
-        The same fall on the healthy twin, which lacks nothing: the most that noise alone explains. Zero for an effect
-        that neither entered nor is a rival of the first.
+        `removed` on the healthy twin, which lacks nothing: the most that noise alone explains. Zero for an effect that
+        neither entered nor is a rival of the first.
     p_value : float
         Of the gain, if the model lacked nothing else, corrected for all candidates tried. It decides inside the search
         and is no probability that the finding is right: see `probability`.

@@ -18,15 +18,15 @@ import numpy as np
 from frischid.core.array_store import Store
 from frischid.core.types import Array
 from frischid.diagnosis.candidate_columns import Candidate
-from frischid.effects import State
+from frischid.effects import Effect, State
 
 
 class KnownColumns:
-    """Candidates by the text of their effect, and the store of their columns."""
+    """Candidates by the class and the text of their effect, and the store of their columns."""
 
     def __init__(self, store: Store) -> None:
         self.store = store
-        self.candidates: dict[str, Candidate] = {}
+        self.candidates: dict[tuple[type[Effect], str], Candidate] = {}
 
 
 _LIVING: weakref.WeakValueDictionary[str, KnownColumns] = weakref.WeakValueDictionary()

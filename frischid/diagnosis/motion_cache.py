@@ -157,7 +157,7 @@ class MotionCache:
         self, effects: Sequence[Effect], progress: Callable[[str], None] = lambda _: None
     ) -> list[Candidate]:
         """Filtered columns of candidate effects over all motions, computed once for each effect."""
-        known, names = self._known.candidates, [str(effect) for effect in effects]
+        known, names = self._known.candidates, [(type(effect), str(effect)) for effect in effects]
         unknown = {name: e for name, e in zip(names, effects, strict=True) if name not in known}
         fresh = list(unknown.values())
         groups = [list(group) for _, group in groupby(fresh, lambda effect: effect.id)]

@@ -275,17 +275,22 @@ def worse_with_standstill(
     criteria : DiagnosisCriteria
     """
     rises: list[Array] = []
+    last = None
     sums = np.zeros((2, len(before.joints)))
     for squares, block in _squares(before, after, logs, criteria.block_seconds):
         sums += squares.sum(axis=1)
-        _, number = np.unique(block, return_inverse=True)
-        found = np.zeros((number.max(initial=-1) + 1, len(before.joints)))
-        np.add.at(found, number, squares[1] - squares[0])
-        rises.append(found)
+        numbers, place = np.unique(block, return_inverse=True)
+        found = np.zeros((len(numbers), len(before.joints)))
+        np.add.at(found, place, squares[1] - squares[0])
+        if rises and numbers[0] == last:  # a part of a log may end within a block
+            rises[-1] += found[0]
+            found = found[1:]
+        rises += [*found]
+        last = numbers[-1]
     sums = np.maximum(sums, 1e-300)
     if not rises or np.log(sums[1] / sums[0]).mean() <= np.log1p(criteria.harmless_rise):
         return False
-    return p_value_of((np.concatenate(rises) / sums[0]).sum(axis=1)) < criteria.block_p_value
+    return p_value_of((np.array(rises) / sums[0]).sum(axis=1)) < criteria.block_p_value
 
 
 def _squares(

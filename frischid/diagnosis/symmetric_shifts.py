@@ -1,6 +1,7 @@
 """A shift in time that explains the error no better than the opposite shift is no delay: it smooths the torque.
 
-The column of a delay d is C(d) = (τ(t − d) − τ(t))/d. To first order it is antisymmetric, C(−d) = C(d). Its two parts,
+The column of a delay d is C(d) = (τ(t − d) − τ(t))/d. To first order a delay and its opposite have the same column,
+C(−d) = C(d). The two parts of the column,
 
     (C(d) + C(−d))/2 = (τ(t − d) − τ(t + d))/2d,        (C(d) − C(−d))/2 = (τ(t − d) − 2 τ(t) + τ(t + d))/2d,
 

@@ -26,6 +26,8 @@ from frischid.robot.robot import Robot
 SIGN_WIDTH = 0.005
 """Speed over which the sign of a speed is smoothed, rad/s (m/s). At standstill the measured speed is noise, so its sign
 is random."""
+NO_SIGN = 1e300
+"""rad/s (m/s). Width at which every smoothed sign is zero: an effect of this width has no dry friction."""
 
 
 @dataclass(frozen=True, eq=False)

@@ -15,9 +15,9 @@ Here the simulated controller is computed torque at the reference with feedback 
 
     u = Y(q_r, q̇_r, q̈_r) θ + M(q_s) (ω² e + 2 ω ė),      q̈_s = M(q_s)⁻¹ (u − h(q_s, q̇_s)),
 
-with M and h from the columns (the torque is affine in q̈). The simulation restarts at the reference every second, and
-all seconds are simulated at once. So the simulated motion stays close to the reference for any θ, as the method needs,
-and an error of θ does not grow over the log.
+with M and h from the columns (the torque is affine in q̈, but for the sign of dry friction, which is no part of M). The
+simulation restarts at the reference every second, and all seconds are simulated at once. So the simulated motion stays
+close to the reference for any θ, as the method needs, and an error of θ does not grow over the log.
 
 If no reference was recorded, one is made from the log. At every sample, it is the polynomial that best fits the
 measured q, q̇ and q̈ *around* the sample, without the sample itself and without all samples used for its derivatives.
@@ -27,12 +27,14 @@ this holds only approximately; a recorded reference is better.
 
 from __future__ import annotations
 
-from collections.abc import Iterable, Sequence
+from collections.abc import Iterable, Mapping, Sequence
 from dataclasses import replace
 
 import numpy as np
+from numpy.typing import NDArray
 
 from frischid.core.types import Array
+from frischid.effects.state import NO_SIGN
 from frischid.errors import InputError
 from frischid.estimators.errors_in_variables import covariance_of, information_of, solve_scaled
 from frischid.estimators.least_squares import JACKKNIFE_BLOCKS, Estimate
@@ -41,8 +43,11 @@ from frischid.logs.filters import LowPass
 from frischid.logs.preprocessing import Motion
 from frischid.motions.trajectory import Trajectory
 from frischid.regression.accumulation import MAX_BLOCKS
+from frischid.regression.block import Samples
 from frischid.regression.regressor import CHUNK_SAMPLES, Regressor
 from frischid.robot.robot import Robot
+
+Indices = NDArray[np.intp]
 
 REFERENCE_SPAN = 0.15  # s before and after a sample from which its reference is made
 REFERENCE_DEGREE = 5
@@ -232,20 +237,18 @@ def _neighbour_taps(half: int, gap: int, step: float, sigma: dict[str, float]) -
 
 def _simulated(regressor: Regressor, base: Sequence[int], theta: Array, reference: Motion) -> Motion | None:
     """The model's own motion under the reference; None where its mass matrix is not positive."""
-    static = Regressor(regressor.robot, [e for e in regressor.effects if not e.memory])
     names = [regressor.columns[i].name for i in base]
-    full = np.array([dict(zip(names, theta, strict=True)).get(c.name, 0.0) for c in static.columns])
-    torque = _Torque(static, full)
+    torque = _Torque(regressor, dict(zip(names, theta, strict=True)), reference)
     N, J = reference.q.shape
     length = min(N, max(2, round(RESTART_SECONDS / reference.step)))
     starts = np.arange(0, N, length)
     w, h = FEEDBACK_STEP / reference.step, reference.step
-    forward = torque(reference.q, reference.v, reference.a)
+    forward = torque(np.arange(N), reference.q, reference.v, reference.a)
     out = np.empty((3, N, J))
     q, v = reference.q[starts].copy(), reference.v[starts].copy()
     for k in range(length):
         at = np.minimum(starts + k, N - 1)
-        M, rest = torque.mass_and_rest(q, v)
+        M, rest = torque.mass_and_rest(at, q, v)
         if not np.isfinite(M).all() or np.linalg.eigvalsh(M).min() <= 0:
             return None
         feedback = w**2 * (reference.q[at] - q) + 2 * w * (reference.v[at] - v)
@@ -256,25 +259,43 @@ def _simulated(regressor: Regressor, base: Sequence[int], theta: Array, referenc
 
 
 class _Torque:
-    """Torque of parameters θ, and its split into mass matrix and rest."""
+    """Torque of parameters at samples of a motion, without that of effects with memory; its mass matrix and the rest.
 
-    def __init__(self, regressor: Regressor, theta: Array) -> None:
-        self.regressor, self.theta = regressor, theta
+    Parameters
+    ----------
+    regressor : Regressor
+    values : mapping of str to float
+        Parameters that are not zero.
+    motion : Motion
+        Gives the time and the further channels of each sample.
+    """
 
-    def __call__(self, q: Array, v: Array, a: Array) -> Array:
-        out = np.empty_like(q)
+    def __init__(self, regressor: Regressor, values: Mapping[str, float], motion: Motion) -> None:
+        static = [e for e in regressor.effects if not e.memory]
+        self.motion = motion
+        self.static = regressor.with_effects(static)
+        self.smooth = regressor.with_effects([e.with_sign_width(NO_SIGN) for e in static])
+        self.theta = np.array([values.get(c.name, 0.0) for c in self.static.columns])
+
+    def __call__(self, at: Indices, q: Array, v: Array, a: Array) -> Array:
+        """Torque (N, J) at the samples `at` (N,) of the motion, for states of their own, each (N, J)."""
+        return self._along(self.static, at, q, v, a)
+
+    def _along(self, regressor: Regressor, at: Indices, q: Array, v: Array, a: Array) -> Array:
+        out, start = np.empty_like(q), self.motion.start
         for first in range(0, len(q), CHUNK_SAMPLES):  # chunk by chunk, to save memory
             s = slice(first, first + CHUNK_SAMPLES)
-            Y = self.regressor(np.zeros(len(q[s])), q[s], v[s], a[s])
-            known = self.regressor.robot.known_torque(q[s], v[s], a[s])
+            extra = {name: x[at[s]] for name, x in self.motion.extra.items()}
+            Y = regressor.evaluate(Samples(self.motion.t[at[s]], q[s], v[s], a[s], start, extra))
+            known = regressor.robot.known_torque(q[s], v[s], a[s])
             out[s] = np.einsum("ncj,c->nj", Y, self.theta) + (0.0 if known is None else known)
         return out
 
-    def mass_and_rest(self, q: Array, v: Array) -> tuple[Array, Array]:
+    def mass_and_rest(self, at: Indices, q: Array, v: Array) -> tuple[Array, Array]:
         """M (N, J, J) and h (N, J) with ``τ = M q̈ + h``."""
         N, J = q.shape
         unit = np.concatenate([np.zeros((1, J)), np.eye(J)])
-        stacked = self(np.repeat(q, J + 1, axis=0), np.repeat(v, J + 1, axis=0), np.tile(unit, (N, 1)))
-        torque = stacked.reshape(N, J + 1, J)
+        of, each = np.repeat(np.arange(N), J + 1), np.tile(unit, (N, 1))
+        torque = self._along(self.smooth, at[of], q[of], v[of], each).reshape(N, J + 1, J)
         M = (torque[:, 1:] - torque[:, :1]).swapaxes(1, 2)
-        return (M + M.swapaxes(1, 2)) / 2, torque[:, 0]
+        return (M + M.swapaxes(1, 2)) / 2, self(at, q, v, np.zeros_like(q))

@@ -177,8 +177,7 @@ def joint_weights(whole: Gram, iterations: int = 8, prior: Prior | None = None) 
     weights = np.ones(len(whole.joints))
     for _ in range(iterations):
         theta = _solve(whole, weights, prior).theta
-        # a joint without a row (always at standstill) has no variance and needs no weight
-        updated = np.where(whole.counts > 0, 1.0 / np.maximum(_variance(whole, theta), 1e-150), 1.0)
+        updated = 1.0 / np.maximum(_variance(whole, theta), 1e-150)
         done = bool(np.allclose(updated, weights, rtol=1e-4))
         weights = updated
         if done:
@@ -187,14 +186,19 @@ def joint_weights(whole: Gram, iterations: int = 8, prior: Prior | None = None) 
 
 
 def _variance(whole: Gram, theta: Array) -> Array:
-    """Residual variance of each joint; the parameters are shared, so they cost each joint its share of them."""
+    """Residual variance of each joint; the parameters are shared, so they cost each joint its share of them.
+
+    A joint without a row (always at standstill) has none: its variance of 1 multiplies nothing.
+    """
+    seen = whole.counts > 0
     share = np.count_nonzero(np.diagonal(whole.moments, axis1=1, axis2=2)[:, :-1], axis=1) * len(theta)
     cost = share / max(1, share.sum())
     torque = np.maximum(whole.moments[:, -1, -1], 1e-300)
     left = whole.residual_ss(theta)
     # A joint that happens to fit exactly must not take all the weight and leave the others' parameters undetermined.
-    floor = np.maximum(ROUNDING_SHARE, LEAST_RELATIVE_RESIDUAL * np.sqrt(np.median(left / torque))) ** 2 * torque
-    return np.asarray(np.maximum(left, floor) / np.maximum(whole.counts - cost * len(theta), 1.0))
+    usual = np.median((left / torque)[seen]) if seen.any() else 0.0
+    floor = np.maximum(ROUNDING_SHARE, LEAST_RELATIVE_RESIDUAL * np.sqrt(usual)) ** 2 * torque
+    return np.where(seen, np.maximum(left, floor) / np.maximum(whole.counts - cost * len(theta), 1.0), 1.0)
 
 
 def _solve(whole: Gram, weights: Array, prior: Prior | None = None) -> NormalEquations:

@@ -19,6 +19,7 @@ from frischid.estimators.sensorwise import TORQUE
 from frischid.logs.filters import LowPass
 from frischid.logs.preprocessing import Motion
 from frischid.regression.block import Block
+from frischid.regression.block import Samples as MotionSamples
 from frischid.regression.regressor import Regressor
 
 STRETCH_SAMPLES = 256
@@ -53,7 +54,8 @@ def samples(
     Returns
     -------
     iterator of Samples
-        Of stretches of `STRETCH_SAMPLES` filtered samples or a few more, their states [q v a t].
+        Of stretches of `STRETCH_SAMPLES` filtered samples or a few more, their states [q v a t c] with the further
+        channels c that effects read.
     """
     robot = regressor.robot
     levels = noise_levels(motions, robot, lowpass)
@@ -66,17 +68,19 @@ def samples(
     torque_given = all(f"{TORQUE} {n}" in (sigma or {}) or TORQUE in (sigma or {}) for n in joints)
     dry_effects = {e.id for e in regressor.effects if e.dry}
     dry = np.array([regressor.columns[i].effect in dry_effects for i in base])
-    static = Regressor(robot, [e for e in regressor.effects if not e.memory])
-    at = _Columns(static, tuple(regressor.columns[i].name for i in base), tuple(index))
+    static = regressor.with_effects([e for e in regressor.effects if not e.memory])
+    channels = sorted({name for e in static.effects for name in e.channels(robot)})
+    names = tuple(regressor.columns[i].name for i in base)
 
     def stretches() -> Iterator[Samples]:
         for motion in motions:
             taps = lowpass.taps(motion.step)
             sensors = sensors_of(motion, robot, lowpass)
-            directions, ratios = _directions(sensors, given, taps, len(robot.joints))
+            directions, ratios = _directions(sensors, given, taps, (len(robot.joints), 1 + len(channels)))
+            at = _Columns(static, names, tuple(index), motion.start, tuple(channels))
             torque = np.array([given[f"{TORQUE} {n}"] for n in joints]) * np.linalg.norm(taps)
             for blocks in _stretches(regressor.blocks(motion, lowpass)):
-                state = [np.concatenate([b.q, b.v, b.a, b.t[:, None]], axis=1) for b in blocks]
+                state = [np.concatenate([b.q, b.v, b.a, _certain(b.t, motion, channels)], axis=1) for b in blocks]
                 Y = [np.concatenate([b.Y[:, columns], b.known[:, None]], axis=1)[:, :, index] for b in blocks]
                 tau = [(b.tau + b.known)[:, index] for b in blocks]
                 used = [b.used[:, index] for b in blocks]
@@ -110,28 +114,44 @@ def _stretches(blocks: Iterable[Block]) -> Iterator[list[Block]]:
 
 @dataclass(frozen=True, eq=False)
 class _Columns:
-    """Base columns, and the torque of known parameters as a last one, at states [q v a t].
+    """Base columns, and the torque of known parameters as a last one, at states [q v a t c].
 
-    Columns that depend on more than the state stay zero: their change with the sensors' noise is not counted.
+    Columns of effects with memory stay zero: their change with the sensors' noise is not counted.
     """
 
     regressor: Regressor
     base: tuple[str, ...]
     index: tuple[int, ...]
+    start: float
+    channels: tuple[str, ...]
 
     def __call__(self, state: Array) -> Array:
-        q, v, a = np.split(state[:, :-1], 3, axis=1)
+        moving = state.shape[1] - 1 - len(self.channels)
+        q, v, a = np.split(state[:, :moving], 3, axis=1)
+        extra = dict(zip(self.channels, state.T[moving + 1 :], strict=True))
         where = {c.name: i for i, c in enumerate(self.regressor.columns)}
         Y = np.zeros((len(q), len(self.base), q.shape[1]))
         kept = [(k, where[name]) for k, name in enumerate(self.base) if name in where]
-        Y[:, [k for k, _ in kept]] = self.regressor(state[:, -1], q, v, a)[:, [i for _, i in kept]]
+        here = MotionSamples(state[:, moving], q, v, a, self.start, extra)
+        Y[:, [k for k, _ in kept]] = self.regressor.evaluate(here)[:, [i for _, i in kept]]
         known = self.regressor.robot.known_torque(q, v, a)
         known = np.zeros_like(q) if known is None else known
         return np.concatenate([Y, known[:, None, :]], axis=1)[:, :, list(self.index)]
 
 
-def _directions(sensors: Sequence[Sensor], sigma: Mapping[str, float], filtered: Array, J: int) -> tuple[Array, Array]:
-    """Root of the covariance of a filtered state's errors (D, 3J + 1), and the unfiltered variances' ratio to it."""
+def _certain(t: Array, motion: Motion, channels: Sequence[str]) -> Array:
+    """What of the states has no error, (M, 1 + C): the times (M,), and the further channels at these times."""
+    return np.column_stack([t, *(np.interp(t, motion.t, motion.extra[name]) for name in channels)])
+
+
+def _directions(
+    sensors: Sequence[Sensor], sigma: Mapping[str, float], filtered: Array, sizes: tuple[int, int]
+) -> tuple[Array, Array]:
+    """Root of the covariance of a filtered state's errors (D, 3J + E), and the unfiltered variances' ratio to it.
+
+    `sizes` are the number of joints, J, and that of the last entries of a state, E, which are exact.
+    """
+    J, exact = sizes
     rows, ratios = [], []
     for sensor in sensors:
         if not sigma[sensor.name] > 0:
@@ -147,6 +167,6 @@ def _directions(sensors: Sequence[Sensor], sigma: Mapping[str, float], filtered:
             if value > 1e-12 * values[-1]:
                 row = np.zeros((3, J))
                 row[:, sensor.joint] = sigma[sensor.name] * np.sqrt(value) * vector
-                rows.append(np.append(row, 0.0))  # time is exact
+                rows.append(np.append(row, np.zeros(exact)))
                 ratios.append(float(vector @ raw @ raw.T @ vector / value))
-    return np.array(rows).reshape(-1, 3 * J + 1), np.array(ratios)
+    return np.array(rows).reshape(-1, 3 * J + exact), np.array(ratios)

@@ -20,7 +20,7 @@ Source: Gautier, Janot and Vandanjon 2013, IEEE T-CST 21(2), on least squares fo
 from __future__ import annotations
 
 from collections.abc import Mapping, Sequence
-from dataclasses import asdict, dataclass
+from dataclasses import asdict, dataclass, replace
 from typing import Any
 
 import numpy as np
@@ -131,6 +131,28 @@ class UrdfPrior:
             prior.scales,
         )
         return UrdfPrior(wider, self.rows, np.append(self.value, values), np.append(self.from_log, np.ones(k)))
+
+    def moved(self, mapping: Array, theta: Array, covariance: Array) -> UrdfPrior:
+        """The same with other base parameters; the prior says how the values of all parameters follow them.
+
+        θ' = θ + G (θ_b − K θ),   C = S − G K S + G C_b Gᵀ,   G = S Kᵀ (K S Kᵀ)⁻¹,   S the prior's covariance
+
+        Parameters
+        ----------
+        mapping : ndarray, shape (p, C)
+            K in ``θ_b = K θ``.
+        theta : ndarray, shape (p,)
+            The base parameters θ_b.
+        covariance : ndarray, shape (p, p)
+            Theirs, C_b.
+        """
+        spread = self.parameters.total_spread
+        root = mapping * spread
+        gain = (root * spread).T @ gaussian(np.zeros(len(theta)), root).precision
+        left = spread**2 - np.einsum("cp,pc->c", gain, root * spread)
+        variance = np.maximum(left, 0.0) + np.einsum("cp,pq,cq->c", gain, covariance, gain)
+        from_log = np.clip(1.0 - variance / spread**2, 0.0, 1.0)
+        return replace(self, value=self.value + gain @ (theta - mapping @ self.value), from_log=from_log)
 
     def to_dict(self) -> dict[str, Any]:
         """Plain JSON values."""

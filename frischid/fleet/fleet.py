@@ -335,7 +335,7 @@ def _model(
         job.base,
         tuple(reduction.expressions()),
         replace(estimate, columns=columns),
-        shared.whole.sums[:, -1] / shared.whole.counts,
+        shared.whole.sums[:, -1] / np.maximum(shared.whole.counts, 1),
         history=(event,),
         prior=prior,
     )

@@ -25,7 +25,7 @@ from frischid.errors import InputError
 from frischid.forward.commanded_motion import follows_commands, moved
 from frischid.forward.forward_dynamics import LARGEST_STEP, ForwardDynamics
 from frischid.forward.simulated_motion import Starts
-from frischid.forward.torque_sources import TorqueSource
+from frischid.forward.torque_sources import RecordedTorque, TorqueSource
 from frischid.logs.given import Logs, as_logs
 from frischid.logs.mapping import MappingLike
 from frischid.logs.poses import need_motion
@@ -200,7 +200,10 @@ def compare_simulated(
         raise InputError(f"{len(sources)} sources of torque were given for {len(logs)} logs; give one per log")
     model.check(logs)
     logs = need_motion(logs, model.robot.joints) if sources is None else logs
-    closed = bool(sources) or all(follows_commands(model.controller, log, model.robot.joints) for log in logs)
+    if sources is None:
+        closed = all(follows_commands(model.controller, log, model.robot.joints) for log in logs)
+    else:
+        closed = not all(isinstance(source, RecordedTorque) for source in sources)
     thetas = np.stack([model.full_theta, urdf_parameters(model)])
     parts: list[tuple[float, Array]] = []
     wholes: list[Array] = []
@@ -233,10 +236,11 @@ def _errors_over_horizons(
         return []
     last = len(motion.t) - 1 - max(fitting)
     samples = np.unique(np.linspace(0, last, STARTS_PER_LOG).round().astype(np.intp))
-    found = simulated_from(forward, motion, source, samples, (np.array([0, *fitting]), step))
+    times, place = np.unique([0, *fitting], return_inverse=True)  # two horizons may round to the same sample
+    found = simulated_from(forward, motion, source, samples, (times, step))
     return [
-        (horizons[k], position_errors(forward.robot, found[:, :, k + 1], motion.q[samples + n]))
-        for k, n in enumerate(fitting)
+        (horizon, position_errors(forward.robot, found[:, :, k], motion.q[samples + n]))
+        for horizon, n, k in zip(horizons, fitting, place[1:], strict=False)
     ]
 
 

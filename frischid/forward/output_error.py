@@ -34,13 +34,18 @@ from scipy.optimize import least_squares
 from frischid.core.shown import Shown
 from frischid.core.types import Array
 from frischid.errors import InputError
+from frischid.estimators.least_squares import Estimate
 from frischid.estimators.precision import precision_of
+from frischid.estimators.urdf_prior import UrdfPrior
 from frischid.forward.motion_error import MotionComparison, compare_simulated
 from frischid.forward.shooting import SMALLEST_PATH, Jacobian, OutputErrorOptions, Shooting
 from frischid.logs.given import Logs, as_logs
 from frischid.logs.mapping import MappingLike
 from frischid.logs.poses import need_motion
 from frischid.model.model import Model
+from frischid.model.own_logs import log_entry
+from frischid.regression.regressor import Regressor
+from frischid.regression.structure import structure
 
 UNSTABLE_ERROR = 1e6
 """Scaled residual of a motion that ran away: the trust region turns back."""
@@ -166,8 +171,7 @@ def output_error(
         last = _weighted(shooting, z)
     progress("simulated motion, covariance")
     fit = _Fit(z, V, shooting.jacobian(z), float(np.sqrt(((last / first) ** 2).mean())))
-    entries = [{"source": x.source, "sha256": x.identity, "samples": None} for x in logs]
-    found = _found(model, fit, shooting, entries)
+    found = _found(model, fit, shooting, [log_entry(x) for x in logs])
     if not valid:
         return found
     progress("simulating the test logs")
@@ -264,6 +268,7 @@ def _found(model: Model, fit: _Fit, shooting: Shooting, entries: list[dict[str, 
     fitted = replace(
         model,
         estimate=estimate,
+        prior=_moved(model, estimate),
         standard=None,
         bounds={},
         recursion=None,
@@ -271,3 +276,12 @@ def _found(model: Model, fit: _Fit, shooting: Shooting, entries: list[dict[str, 
         history=(*model.history, event),
     )
     return OutputError(fitted, ratio, _determined(j)[0], kept, inflation)
+
+
+def _moved(model: Model, estimate: Estimate) -> UrdfPrior | None:
+    """The model's prior, with the values of all parameters that follow from these base parameters."""
+    if model.prior is None:
+        return None
+    regressor = Regressor(model.robot, model.effects, model.reference)
+    mapping = structure(regressor, model.joints).mapping
+    return model.prior.moved(mapping, estimate.theta, estimate.covariance)

@@ -1,6 +1,6 @@
 """How much memory the numbers of a file need, from what the file says of itself, before it is read.
 
-    bytes = 8 · rows · columns
+    bytes = 8 · numbers in all columns
 
 A compressed file of a few MB may hold thousands of times its size. So the size on the disk does not say whether a log
 fits into memory.
@@ -34,7 +34,9 @@ def content_bytes(path: Path) -> int:
             return max(size, message_bytes(path))
         if path.suffix.lower() == ".parquet":
             about = pa.parquet.read_metadata(path)
-            return max(size, 8 * int(about.num_rows) * int(about.num_columns))
+            groups = [about.row_group(g) for g in range(about.num_row_groups)]
+            # of a column of lists, all numbers of the lists count
+            return max(size, 8 * sum(int(g.column(c).num_values) for g in groups for c in range(g.num_columns)))
         if path.suffix.lower() == ".npz":
             with zipfile.ZipFile(path) as archive:
                 return max(size, sum(part.file_size for part in archive.infolist()))

@@ -215,10 +215,9 @@ class PDController:
         said = f"torque of {counted(len(columns), 'joint')} from their commands by the controller {self}"
         late = float(self.values("delay", [log.joints[j] for j in columns]).max()) + self.held / log.rate
         early = log.t - late < log.t[0] - _ROUNDED_STEP / log.rate  # the commands that act there were not recorded
-        whole = replace(
-            log, tau=tau, extra={**log.extra, **unmoved, **extra}, sha256=log.identity, notes=(*log.notes, said)
-        )
-        return replace(whole.slice(int(early.sum())), file=log.file)  # the file gives these samples again
+        whole = replace(log, tau=tau, extra={**log.extra, **unmoved, **extra}, notes=(*log.notes, said))
+        # the file gives these samples again
+        return replace(whole.slice(int(early.sum())), file=log.file, sha256=log.identity)
 
     def _unmoved_by_delay(self, log: Log) -> dict[str, Array]:
         """Channels of joints whose torque was measured: a delay of commands, where it is in doubt, changes nothing."""

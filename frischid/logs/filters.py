@@ -44,7 +44,8 @@ class LowPass:
     Attributes
     ----------
     cutoff : float or None
-        Frequency of half amplitude, Hz; None: nothing is filtered.
+        Frequency of half amplitude, Hz; None: nothing is filtered. Samples at a rate of 2.5 times the cut-off or less
+        are not filtered either.
     reason : str
         Reason for this cut-off.
     torque_lag : float

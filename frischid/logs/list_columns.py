@@ -26,7 +26,7 @@ def flattened(arrow: Any, source: object) -> Any:
         else:
             check_width(source, len(found) + block.shape[1])
             found |= {f"{name}_{k}": pa.array(x) for k, x in enumerate(block.T)}
-    return pa.table(found) if len(found) != arrow.num_columns else arrow
+    return pa.table(found) if list(found) != arrow.column_names else arrow
 
 
 def names_in(path: Path) -> list[str]:

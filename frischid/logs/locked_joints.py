@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import shlex
 from collections.abc import Iterable, Mapping
+from dataclasses import replace
 from typing import NamedTuple
 
 import numpy as np
@@ -37,6 +38,8 @@ class LockedMotion:
 
     def __init__(self, robot: Robot) -> None:
         self._locked = dict(robot.locked)
+        whole = replace(robot, locked={}, known={}, frames="joint") if robot.locked else robot
+        self._slides = {name for name, slides in zip(whole.joints, whole.prismatic, strict=True) if slides}
         self._range: dict[str, tuple[float, float]] = {}
         self.absent: dict[str, str] = {}
 
@@ -46,7 +49,8 @@ class LockedMotion:
             if name not in chunk.joints:
                 self.absent.setdefault(name, chunk.source)
                 continue
-            q = unwrapped(chunk.select([name]), np.array([self._locked[name]])).q[:, 0]
+            own = chunk.select([name])
+            q = (own if name in self._slides else unwrapped(own, np.array([self._locked[name]]))).q[:, 0]
             low, high = self._range.get(name, (np.inf, -np.inf))
             self._range[name] = (min(low, float(q.min())), max(high, float(q.max())))
 
@@ -57,11 +61,13 @@ class LockedMotion:
 
     @property
     def elsewhere(self) -> dict[str, Elsewhere]:
-        """Locked joints that stand still at another angle than that of their lock; whole turns do not count."""
+        """Locked joints that stand still elsewhere than at their lock; whole turns of a turning joint do not count."""
         found = {}
         for name, (low, high) in self._range.items():
             angle, stands = self._locked[name], (low + high) / 2
-            off = min(abs(stands - angle), abs(np.remainder(stands - angle + np.pi, 2 * np.pi) - np.pi))
+            off = abs(stands - angle)
+            if name not in self._slides:
+                off = min(off, abs(np.remainder(stands - angle + np.pi, 2 * np.pi) - np.pi))
             if name not in self.moving and off > MOVING_LOCKED:
                 found[name] = Elsewhere(angle, stands)
         return found

@@ -70,7 +70,7 @@ class Log:
     source : str
         File path or description, the name of this log in messages.
     sha256 : str or None
-        Hash of the file that the log was read from.
+        Hash of the file that the log was read from, or of a part of it.
     notes : tuple of str
         Conversions, and columns that were left out.
     file : LogFile or None
@@ -220,9 +220,15 @@ class Log:
         return replace(self, joints=tuple(self.joints[j] for j in columns), **kept)
 
     def slice(self, start: int | None = None, stop: int | None = None) -> Log:
-        """Keep the samples with index ``start <= k < stop``, as Python slices do."""
+        """Keep the samples with index ``start <= k < stop``, as Python slices do.
+
+        A part has a hash of its own: two parts of one log are two logs, of which one can be held out.
+        """
         rows = slice(start, stop)
+        first, last, _ = rows.indices(len(self))
         kept: dict[str, Any] = {channel: x[rows] for channel, x in self._channels().items()}
+        if self.sha256 is not None and last - first < len(self):
+            kept["sha256"] = hashlib.sha256(f"{self.sha256} {first} {last}".encode()).hexdigest()
         return replace(self, t=self.t[rows], extra={n: x[rows] for n, x in self.extra.items()}, file=None, **kept)
 
     def to_table(self) -> dict[str, Array]:

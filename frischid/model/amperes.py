@@ -14,9 +14,11 @@ from typing import Any
 import numpy as np
 
 from frischid.core.types import Array
+from frischid.effects import columns_of
 from frischid.logs.preprocessing import Motion
 from frischid.model.drive_parameters import DRIVE_EFFECTS, values_of
 from frischid.model.model import Model
+from frischid.regression.regressor import Regressor
 
 _HELD_POSES = 500
 """Poses of a motion at which the current that holds the arm is computed; more would not change its extremes."""
@@ -97,8 +99,16 @@ def _holding(model: Model, motions: Iterable[Motion]) -> tuple[Array, Array]:
     """Smallest and largest torque that holds the arm at the poses of motions, (J,) each."""
     low = np.full(len(model.robot.joints), np.inf)
     high = -low
+    # At rest nothing lags: neither a link behind its motor nor the record.
+    effects = [e for e in model.effects if not (e.memory and e.loaded)]
+    regressor = Regressor(model.robot, model.effects, model.reference).with_effects(effects)
+    values = dict(zip((c.name for c in columns_of(model.robot, model.effects)), model.full_theta, strict=True))
+    theta = np.array([values[c.name] for c in regressor.columns])
     for motion in motions:
-        q = motion.q[:: max(1, len(motion.q) // _HELD_POSES)]
-        torque = model.inverse_dynamics(q, np.zeros_like(q), np.zeros_like(q))
+        some = motion.part(slice(None, None, max(1, len(motion.q) // _HELD_POSES)))
+        still = np.zeros_like(some.q)
+        torque = theta @ regressor(np.zeros(len(still)), some.q, still, still, extra=some.extra)
+        known = model.robot.known_torque(some.q, still, still)
+        torque = torque if known is None else torque + known
         low, high = np.minimum(low, torque.min(axis=0)), np.maximum(high, torque.max(axis=0))
     return low, high

@@ -163,7 +163,7 @@ def identify(
     **choices
         Single fields of `IdentifyOptions`, which override `options`: ``torque_joints``, ``cutoff``, ``torque_lag``,
         ``velocity``, ``estimator``, ``prior``, ``recursion``, ``window``, ``reference``, ``force``, ``controller``,
-        ``currents``, ``criteria``, ``prior_criteria``.
+        ``currents``, ``criteria``, ``prior_criteria``, ``alarm_criteria``.
 
     Returns
     -------

@@ -39,6 +39,7 @@ from frischid.model.identification_stages import Fit, Problem
 from frischid.model.joint_inertia import least_inertia
 from frischid.model.model import Model
 from frischid.model.physical_alarms import as_one, indefinite_mass, wrong_signs
+from frischid.regression.block import Samples
 from frischid.regression.regressor import Regressor
 
 STATES = 400
@@ -218,7 +219,8 @@ def run_faster(regressor: Regressor, motions: Iterable[Motion], factor: float) -
     for motion in motions:
         some = _some(motion)
         v = factor * some.v
-        yield regressor(some.t / factor, some.q, v, factor**2 * some.a, extra=dict(some.extra)), v
+        states = Samples(some.t / factor, some.q, v, factor**2 * some.a, some.start / factor, some.extra)
+        yield regressor.evaluate(states), v
 
 
 def _negative_rotors(problem: Problem, posterior: MapEstimate) -> list[tuple[str, float]]:

@@ -5,7 +5,8 @@
 A robot has a positive definite M: its kinetic energy ½ q̇ᵀ M q̇ is positive. Identified parameters need not have one, and
 then no motion follows from a torque.
 
-Effects that remember, or that belong to the recording and not to the robot, are no part of M.
+Effects that remember, or that belong to the recording and not to the robot, are no part of M. Dry friction is no part
+of M either, although its sign may follow the acceleration (`Coulomb.lead`).
 """
 
 from __future__ import annotations
@@ -17,6 +18,7 @@ import numpy as np
 
 from frischid.core.types import Array
 from frischid.effects import columns_of
+from frischid.effects.state import NO_SIGN
 from frischid.model.model import Model
 from frischid.regression.regressor import Regressor
 from frischid.robot.robot import Robot
@@ -63,7 +65,8 @@ def mass_matrices(model: Model, poses: Poses) -> Array:
     (3, 2, 2)
     """
     (q, extra), robot, index = poses, model.robot, model.torque_index
-    effects = [e for e in model.effects if not (e.memory or e.of_recording) and set(e.channels(robot)).issubset(extra)]
+    kept = [e for e in model.effects if not (e.memory or e.of_recording) and set(e.channels(robot)).issubset(extra)]
+    effects = [e.with_sign_width(NO_SIGN) for e in kept]
     regressor, names = Regressor(robot, effects, model.reference), {c.name for c in columns_of(robot, effects)}
     columns = columns_of(robot, model.effects)
     theta = np.array([x for c, x in zip(columns, model.full_theta, strict=True) if c.name in names])

@@ -17,9 +17,10 @@ from frischid.core.types import Array
 from frischid.effects import BASELINE
 from frischid.logs.driven import driven
 from frischid.logs.excerpt import Excerpt, excerpt
-from frischid.logs.filters import noise_level
+from frischid.logs.filters import LowPass, noise_level
 from frischid.logs.log import Log
-from frischid.logs.preprocessing import prepare
+from frischid.logs.poses import poses_of
+from frischid.logs.preprocessing import Motion, prepare
 from frischid.model.model import Model
 from frischid.regression.regressor import Regressor
 from frischid.regression.structure import structure
@@ -40,7 +41,7 @@ class Quality:
     gaps : int
         Steps longer than five times the median.
     kept : float
-        Seconds that remain after trimming and splitting.
+        Seconds that remain after trimming and splitting; of an arm at standstill, those of its poses.
     noise : dict of str to ndarray, shape (J,)
         Standard deviation of the white noise of ``q`` and ``tau`` (rad, N·m; m, N), ``v`` where measured.
     lower, upper : ndarray, shape (J,)
@@ -123,7 +124,7 @@ def _judge(model: Model, given: Excerpt) -> Quality:
         given.rate,
         given.steps,
         given.gaps,
-        float(sum(m.t[-1] - m.t[0] - (len(model.lowpass.taps(m.step)) - 1) * m.step for m in motions)),
+        _kept(chosen, motions, model.lowpass),
         noise,
         stacked["q"].min(axis=0),
         stacked["q"].max(axis=0),
@@ -133,3 +134,10 @@ def _judge(model: Model, given: Excerpt) -> Quality:
         (*log.notes, *prepared.notes),
         tuple(issue.short for issue in report.issues),
     )
+
+
+def _kept(log: Log, motions: Sequence[Motion], lowpass: LowPass) -> float:
+    """Seconds of a log that its motions show after the filter, or its poses where the arm stands still."""
+    if any(m.at_poses for m in motions):
+        return float(sum(log.t[part.stop - 1] - log.t[part.start] for part in poses_of(log).parts))
+    return float(sum(m.t[-1] - m.t[0] - (len(lowpass.taps(m.step)) - 1) * m.step for m in motions))

@@ -37,6 +37,7 @@ from frischid.model.comparison_criteria import COMPARISON_CRITERIA as CRITERIA
 from frischid.model.model import Model
 from frischid.model.model_parts import plain_numbers, robot_text
 from frischid.model.noisy_motion import SensorNoise, sharpened, true_path
+from frischid.model.remembered_blocks import key_of
 from frischid.regression.regressor import Regressor
 
 DRAW_SEED = 0  # seed of the draws, so that the same log gives the same floor
@@ -85,11 +86,10 @@ class NoiseFloor:
     def _key(self) -> Hashable:
         """Everything of the model that the torque of a motion depends on."""
         model = self.model
-        effects = json.dumps([effect.to_dict() for effect in model.effects])
         reference = json.dumps(plain_numbers(model.reference), sort_keys=True)
         theta = model.full_theta.tobytes()
         filtered = model.lowpass.cutoff, model.lowpass.torque_lag
-        return robot_text(model.robot), effects, model.joints, filtered, theta, reference
+        return robot_text(model.robot), key_of(model.effects), model.joints, filtered, theta, reference
 
     @property
     def held(self) -> Array:

@@ -307,7 +307,7 @@ class Family:
 def random_fourier(robot: Robot, duration: float, *, seed: int, harmonics: int = 5, scale: float = 0.7) -> Fourier:
     """Random motion that stays within `scale` times the robot's position and velocity limits.
 
-    Joints without a position limit swing by at most π, joints without a velocity limit move at most 2 rad/s (m/s).
+    Joints without a position limit swing by at most π. No joint is faster than `scale` times 2 rad/s (m/s).
 
     Parameters
     ----------

@@ -43,7 +43,7 @@ _EXHAUSTIVE = 20_000  # up to so many subsets of rows, all are tried; beyond, ro
 _TIE = 1e-6  # relative difference below which two costs or two coefficients count as equal
 _ROUNDING = 1e-7  # relative singular value above all rounding, even that of moments
 _PRECISE = 1e-13  # relative singular value that only a regression in full precision can have
-_EXACT = 1e-9  # difference from 1 below which a coefficient is written without a factor
+_EXACT = 1e-9  # share of a joint's torque below which merging costs nothing but rounding
 _MISALIGNED = 100.0  # × tol: error of an exact relation when an angle is written 1.5708 (off by 3.7e-6 rad)
 
 
@@ -141,7 +141,8 @@ def reduce(
     tol : float
         Singular values below ``tol σ_1`` count as zero, unless the spectrum has a wider gap between ``tol σ_1 / 10``
         and ``100 tol σ_1``. The default suits a root of moments, whose singular values are accurate to about 1e-8 σ_1;
-        a W in full precision allows 1e-9. A column of norm below ``100 tol`` times the largest counts as zero.
+        a W in full precision allows 1e-9. A link's column counts as zero where its norm is below ``100 tol`` times the
+        largest of the links' columns, an effect's column where it is below 1e-12 times the largest of all.
     alpha : (float, float)
         α1 and α2, the weights of conditioning and volume in the choice of the dependent parameters.
 

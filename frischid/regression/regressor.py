@@ -75,6 +75,13 @@ class Regressor:
         # dry friction at standstill is undetermined: such torque samples are left out
         self.drops_standstill = np.array([n in dry for n in robot.joints])
 
+    def with_effects(self, effects: Sequence[Effect]) -> Regressor:
+        """The same robot and reference with other effects; a parameter that the reference lacks is zero there."""
+        found = Regressor(self.robot, effects)
+        values = dict(zip((c.name for c in self.columns), self.reference, strict=True))
+        found.reference = np.array([values.get(c.name, 0.0) for c in found.columns])
+        return found
+
     def _active(self) -> list[NDArray[np.intp]]:
         """For each joint, the columns that can be nonzero: those of links it moves and of effects that act on it."""
         J, rigid = len(self.robot.joints), len(self.robot.columns)
@@ -227,8 +234,7 @@ class Regressor:
         """State of a whole motion for effects, with the torque of the reference parameters (static columns only)."""
         values = dict(zip((c.name for c in self.columns), self.reference, strict=True))
         used = [e for e in self.effects if not e.memory and any(values[c.name] for c in e.columns(self.robot))]
-        static = Regressor(self.robot, used)  # effects that were added after the reference have none there
-        static.reference = np.array([values[c.name] for c in static.columns])
+        static = self.with_effects(used)  # effects that were added after the reference have none there
         load = static.load(motion)
         torque = load + static._torque_of_effects(motion, static.reference, load, {})
         rigid = static.reference[: len(self.robot.columns)]

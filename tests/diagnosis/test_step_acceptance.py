@@ -179,6 +179,20 @@ def test_at_standstill_a_rise_in_a_single_block_is_chance():
     assert not worse_with_standstill(*models(before, after), [None], CRITERIA)
 
 
+@pytest.mark.parametrize("samples", [100, 25, 7])
+def test_the_parts_in_which_a_log_is_read_are_no_blocks_of_time(samples):
+    """A rise that chance makes. Before, each second counted four times in parts of a quarter of a second."""
+    before = np.ones((1200, 1))
+    after = np.sqrt(1.0 + 0.1 * np.repeat(rising(2 * CRITERIA.block_p_value, count=12), 100)[:, None])
+    found = models(before, after)
+    for model in found:
+        ((whole, predicted),) = model.blocks(None)
+        columns = [np.split(x, range(samples, 1200, samples)) for x in (whole.tau, whole.t, predicted)]
+        parts = [(SimpleNamespace(tau=tau, t=t), y) for tau, t, y in zip(*columns, strict=True)]
+        model.blocks = lambda _, parts=parts: parts
+    assert not worse_with_standstill(*found, [None], CRITERIA)
+
+
 def slow_arm(curvature):
     """Logs of an arm up to about 1 rad/s whose viscous friction at joint 1 bends over the speed, and its model."""
     machine = Robot.load("planar2")

@@ -149,3 +149,24 @@ def test_a_column_without_motion_is_named():
     data = spring(np.zeros(100), np.ones(100), 0.0, 1.0)
     with pytest.raises(IdentifiabilityError, match="never excites k"):
         eiv([data], LINE, ["joint"])
+
+
+@pytest.mark.parametrize("estimator", ["eiv", "iv"])
+def test_effects_may_read_further_channels(estimator):
+    robot, plain = fr.Robot.load("planar2"), fr.parse_effects("viscous, offset")
+    log = fr.simulate(robot, random_fourier(robot, 10.0, seed=1), rate=100.0, effects=plain, noise=fr.Noise(tau=0.05))
+    warmth = 10.0 * np.sin(log.t)
+    drift = 0.3 * warmth[:, None] * [1.0, 0.0]
+    extra = {f"temperature_{n}": 25.0 + warmth for n in robot.joints}
+    warm = fr.Log(log.t, log.joints, log.q, log.v, log.a, log.tau + drift, extra=extra)
+    effects = fr.parse_effects("viscous, offset, torque_drift(by=temperature)")
+    model = fr.identify(robot, [warm], effects=effects, estimator=estimator, recursion="none").model
+    assert model.parameters["offT1"].value == pytest.approx(0.3, abs=0.03)
+    assert model.parameters["offT2"].value == pytest.approx(0.0, abs=0.03)
+
+
+def test_the_load_of_effects_is_that_of_the_reference():
+    robot, effects = planar()[0].robot, fr.parse_effects("viscous, load_friction(width=0.1)")
+    heavy = Regressor(robot, effects, {name: 3.0 * x for name, x in zip(robot.all_names, robot.nominal, strict=True)})
+    (stretch, *_) = samples(heavy, [planar()[3]], NOTHING, robot.joints, range(len(heavy.columns)))
+    np.testing.assert_allclose(stretch.columns(stretch.state), stretch.Y, rtol=1e-9, atol=1e-9)

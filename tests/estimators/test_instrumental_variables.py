@@ -98,12 +98,25 @@ def test_the_true_model_follows_the_reference():
 
 def test_mass_and_rest_make_the_torque():
     regressor, reduction, theta, clean, _ = planar()
-    full = np.zeros(len(regressor.columns))
-    full[list(reduction.base)] = theta
-    torque = _Torque(regressor, full)
-    M, rest = torque.mass_and_rest(clean.q, clean.v)
+    torque = torque_of(regressor, reduction, theta, clean)
+    M, rest = torque.mass_and_rest(np.arange(len(clean.t)), clean.q, clean.v)
     np.testing.assert_allclose(np.einsum("nij,nj->ni", M, clean.a) + rest, clean.tau, atol=1e-9)
     assert (np.linalg.eigvalsh(M) > 0).all()
+
+
+def torque_of(regressor, reduction, theta, motion):
+    values = dict(zip((regressor.columns[k].name for k in reduction.base), theta, strict=True))
+    return _Torque(regressor, values, motion)
+
+
+def test_friction_that_leads_the_motion_is_no_inertia():
+    regressor, reduction, theta, clean, _ = planar()
+    leading = Regressor(regressor.robot, fr.parse_effects("viscous, coulomb(width=0.01, lead=0.02)"))
+    at, still = np.arange(len(clean.t)), np.zeros_like(clean.v)
+    plain, ahead = (
+        torque_of(r, reduction, theta, clean).mass_and_rest(at, clean.q, still) for r in (regressor, leading)
+    )
+    np.testing.assert_allclose(ahead[0], plain[0], rtol=1e-12)
 
 
 def test_an_impossible_model_falls_back_on_the_reference():

@@ -180,9 +180,9 @@ def test_logs_of_which_none_has_all_joints_are_skipped_by_name(arm, folder, tmp_
         identify_fleet(arm, find_logs([f"{tmp_path}/*.parquet"]))
 
 
-@pytest.mark.parametrize("more", [("--gain", "3"), ("--kp", "100"), ("--horizon", "2"), ("--held-commands",)])
+@pytest.mark.parametrize("more", ["--gain 3", "--kp 100", "--horizon 2", "--held-commands", "--force", "--parameters"])
 def test_sums_of_moments_refuse_what_they_cannot_use(folder, more):
-    words = ["identify", "planar2", str(folder / "r01" / "log.parquet"), "--scheduler", "none", *more]
+    words = ["identify", "planar2", str(folder / "r01" / "log.parquet"), "--scheduler", "none", *more.split()]
     done = CliRunner().invoke(main, words)
     assert done.exit_code == 2
     assert "--scheduler sums moments" in done.output
@@ -236,6 +236,23 @@ def test_a_fleets_model_weighs_what_one_robot_carries(folder, arm):
     found = fr.payload(few.model, [fr.read_log(folder / "r04" / "log.parquet", arm.joints)])
     assert abs(found.mass - 1.0) < found.bound["mass"]
     assert found.bound["mass"] < 0.5
+
+
+def test_a_joint_that_rests_in_all_logs_of_a_fleet(tmp_path):
+    """Before, NumPy refused "infs or NaNs": a joint without samples has no variance and no mean torque."""
+    robot = fr.Robot.load("planar2")
+    for k in range(3):
+        rng = np.random.default_rng(k)
+        t = np.arange(1000) * 0.01
+        q = np.stack([0.5 * np.sin(1.3 * t + k) + 0.3 * np.sin(3.1 * t), np.full_like(t, 0.4)], axis=1)
+        v = np.gradient(q, t, axis=0)
+        tau = robot.inverse_dynamics(q, v, np.gradient(v, t, axis=0)) + 0.4 * v + 0.02 * rng.normal(size=q.shape)
+        log = fr.Log(t, robot.joints, q=q + 1e-5 * rng.normal(size=q.shape), tau=tau, source=f"r{k}")
+        fr.write_log(log, tmp_path / f"r{k}.parquet")
+    found = identify_fleet(robot, find_logs([f"{tmp_path}/*.parquet"]), FleetOptions(diagnosed=0))
+    assert not found.skipped
+    found.model.save(tmp_path / "model.json")
+    assert np.isfinite(fr.Model.load(tmp_path / "model.json").mean_torque).all()
 
 
 def test_standard_errors_are_those_of_a_mean_over_robots(arm, folder, alone):

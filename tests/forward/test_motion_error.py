@@ -10,7 +10,7 @@ from cases import robot
 import frischid as fr
 from frischid.errors import InputError
 from frischid.forward.motion_error import compare_simulated
-from frischid.forward.torque_sources import TorqueFunction
+from frischid.forward.torque_sources import RecordedTorque, TorqueFunction
 from frischid.robot.tip import tip_joint, tip_positions
 
 SMOOTH = fr.parse_effects("viscous, offset, rotor_inertia")
@@ -62,6 +62,21 @@ def test_an_unstable_simulation_is_infinite_and_null_in_json():
     assert np.isinf(found.horizons[0].tip)
     assert found.to_dict()["horizons"][0]["tip_mm"] is None
     assert found.closed
+
+
+def test_horizons_that_end_at_the_same_sample_have_the_same_error():
+    """Before, "the times of a simulated motion must begin with 0 and increase"."""
+    model, logs = made()
+    found = compare_simulated(model, logs[1:], horizons=[0.1, 0.101, 0.2])
+    assert [h.horizon for h in found.horizons] == [0.1, 0.101, 0.2]
+    assert found.horizons[0].tip == found.horizons[1].tip < found.horizons[2].tip
+
+
+def test_a_recorded_torque_is_no_controller():
+    model, logs = made()
+    source = RecordedTorque(logs[1].t, logs[1].tau)
+    found = compare_simulated(model, logs[1:], horizons=[0.1], sources=[source])
+    assert not found.closed
 
 
 def test_horizons_longer_than_the_log_are_an_error():

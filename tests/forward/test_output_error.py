@@ -102,3 +102,27 @@ def test_a_motion_that_runs_away_is_a_sentence():
     wild = replace(model, estimate=replace(model.estimate, theta=theta), standard=None)
     with pytest.raises(InputError, match="unstable"):
         output_error(wild, [log], options=SHORT)
+
+
+def test_the_values_of_all_parameters_follow_the_fitted_motion():
+    log = recorded(1, fr.Noise(q=1e-5, tau=0.2), seconds=6.0)
+    model = fr.identify(robot("planar2"), [log], effects=EFFECTS, recursion="none").model
+    found = output_error(model, [log], options=replace(SHORT, iterations=3)).model
+    mapping = structure(Regressor(found.robot, EFFECTS), found.joints).mapping
+    assert np.abs(found.estimate.theta - model.estimate.theta).max() > 1e-3
+    np.testing.assert_allclose(mapping @ found.prior.value, found.estimate.theta, rtol=1e-6, atol=1e-7)
+    said = {x.joint: x.value for x in fr.drive_parameters(found) if x.quantity == "viscous"}
+    assert said["joint1"] == pytest.approx(found.parameters["fv1"].value, rel=1e-6)
+    k = found.prior.parameters.names.index("fv1")
+    spread = found.prior.parameters.total_spread[k] * np.sqrt(1.0 - found.prior.from_log[k])
+    assert spread == pytest.approx(found.parameters["fv1"].stderr, rel=1e-3)
+    same = model.prior.moved(mapping, model.estimate.theta, model.estimate.covariance)
+    np.testing.assert_allclose(same.value, model.prior.value, rtol=1e-9, atol=1e-12)
+    np.testing.assert_allclose(same.from_log, model.prior.from_log, atol=1e-6)
+
+
+def test_the_fitted_logs_are_found_again(tmp_path):
+    fr.write_log(recorded(1, fr.Noise(q=2e-5, tau=0.02)), tmp_path / "log.parquet")
+    log = fr.read_log(tmp_path / "log.parquet", robot("planar2").joints)
+    found = output_error(linear(log), [log], options=SHORT).model
+    assert [x.identity for x in fr.own_logs(found).logs] == [log.identity]

@@ -27,6 +27,13 @@ def test_a_compressed_parquet_file_is_as_large_as_its_numbers(tmp_path, columns)
     assert content_bytes(tmp_path / "log.parquet") == SIZE
 
 
+def test_the_numbers_of_lists_count(tmp_path):
+    """Before, a column of lists counted as one column: a file of 100 times the memory that is allowed was read."""
+    lists = pa.FixedSizeListArray.from_arrays(pa.array(np.zeros(ROWS * 7)), 7)
+    pq.write_table(pa.table({"t": np.arange(ROWS) * 1e-3, "q": lists}), tmp_path / "log.parquet")
+    assert content_bytes(tmp_path / "log.parquet") == 8 * ROWS * 8
+
+
 def test_a_compressed_npz_archive_is_as_large_as_its_numbers(tmp_path, columns):
     np.savez_compressed(tmp_path / "log.npz", **columns)
     assert (tmp_path / "log.npz").stat().st_size < SIZE / 2

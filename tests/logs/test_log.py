@@ -7,6 +7,7 @@ from hypothesis import strategies as st
 
 from frischid.errors import InputError, UnknownNameError
 from frischid.logs.log import Log, check_motion, check_torque
+from frischid.logs.recording import check_logs
 
 N = 50
 T = np.arange(N) * 0.01
@@ -86,11 +87,20 @@ def test_select_and_slice():
     assert part.joints == ("wrist", "shoulder")
     np.testing.assert_array_equal(part.tau, 2 * Q[10:-10, [2, 0]])
     np.testing.assert_array_equal(part.extra["lift"], T[10:-10])
-    assert (part.source, part.sha256, part.notes, len(part)) == ("made.csv", "0", ("said",), 30)
+    assert (part.source, part.notes, len(part)) == ("made.csv", ("said",), 30)
     with pytest.raises(UnknownNameError, match=r"unknown joint 'elbo' in made\.csv; did you mean: elbow"):
         log.select(["elbo"])
     with pytest.raises(InputError, match="5 samples"):
         log.slice(0, 5)
+
+
+@pytest.mark.parametrize("sha256", [None, "0"])
+def test_two_parts_of_a_log_are_two_logs(sha256):
+    log = make(sha256=sha256)
+    assert len({x.identity for x in (log, log.slice(stop=20), log.slice(20), log.slice(20, 40))}) == 4
+    assert log.slice(-30).identity == log.slice(20).identity
+    assert log.slice().identity == log.identity
+    check_logs([log.slice(stop=20), log.slice(20, 40)], [log.slice(40)])
 
 
 def test_duration_rate_repr():

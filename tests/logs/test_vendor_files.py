@@ -153,6 +153,15 @@ def test_columns_of_lists(tmp_path, robot, log):
     assert found.joints[robot.joints[0]]["q"] == "observation.q_0"
 
 
+def test_a_column_of_lists_of_one_number(tmp_path):
+    """Before, no column of a robot with one joint was found."""
+    q = np.linspace(0, 1, 50)
+    path = tmp_path / "a.parquet"
+    pq.write_table(pa.table({"t": np.arange(50) / 100, "q": [[x] for x in q]}), path)
+    read = read_log(path, ("slide",), LogMap.of({"joint": {"slide": {"q": "q_0"}}}))
+    np.testing.assert_allclose(read.q[:, 0], q)
+
+
 def test_json_is_told_how_to_become_columns_of_lists(tmp_path, robot, log):
     pandas = pytest.importorskip("pandas")
     rows = [{"state": {"time": float(t), "q": list(q)}} for t, q in zip(log.t, log.q, strict=True)]

@@ -14,7 +14,9 @@ from frischid.model.alarms import (
     undetermined,
 )
 from frischid.model.comparison_alarms import Elsewhere, elsewhere
+from frischid.model.identification_alarms import run_faster
 from frischid.model.physical_alarms import wrong_signs
+from frischid.regression.regressor import Regressor
 
 CRITERIA = AlarmCriteria()
 JOINTS = ("a", "b", "c")
@@ -201,3 +203,19 @@ def test_a_wrong_centre_of_mass_in_the_urdf_is_no_wrong_zero_of_the_angle(shifte
     found = fr.identify(robot, logs, recursion="none")
     assert any("log 2: joint2: the zero of its angle" in warning for warning in found.warnings)
     assert ("faulty-log" in [alarm.id for alarm in found.alarms]) == shifted
+
+
+def test_a_motion_after_a_gap_is_as_warm_when_it_is_run_faster():
+    """Before, time began anew after each gap: the joint was cold there."""
+    robot = fr.Robot.load("planar2")
+    log = fr.simulate(robot, fr.random_fourier(robot, 20.0, seed=1), rate=50.0)
+    log = fr.Log(log.t + 100.0 * (log.t > 10), robot.joints, q=log.q, v=log.v, a=log.a, tau=log.tau)
+    model = fr.identify(robot, [log], effects=fr.parse_effects("viscous, offset"), recursion="none").model
+    motions = list(model.motions([log]))
+    drift = Regressor(robot, fr.parse_effects("thermal_drift(constant=60)@joint1"))
+    assert len(motions) == 2
+    for motion, (Y, v) in zip(motions, run_faster(drift, motions, 2.0), strict=True):
+        k = np.abs(v[:, 0]).argmax()
+        every = max(1, -(-len(motion.t) // len(v)))
+        age = (motion.t[::every][k] - log.t[0]) / 2
+        assert Y[k, -2, 0] / v[k, 0] == pytest.approx(1 - np.exp(-age / 60), rel=0.02)

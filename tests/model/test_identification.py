@@ -165,6 +165,15 @@ def test_a_lock_that_contradicts_the_log_is_said_with_the_right_one():
         assert check(robot, [log])[0].issues == ()
 
 
+def test_a_whole_turn_of_a_sliding_joint_is_another_place():
+    """Before, a slide that was locked at 0 m and stood at 6.28 m counted as being at its lock."""
+    rail = PLANAR.urdf.replace('<joint name="joint1" type="revolute">', '<joint name="joint1" type="prismatic">')
+    robot = replace(PLANAR, urdf=rail, locked={"joint1": 0.0})
+    for place, said in ((0.0, []), (2 * np.pi, ["locked joint elsewhere"])):
+        (report,) = check(robot, [standing_at(place)])
+        assert [issue.kind for issue in report.issues if "lock" in issue.kind] == said
+
+
 def test_a_joint_that_moves_and_is_missing_from_another_log_has_a_remedy_that_works():
     log, other = planar_log(), planar_log(seed=2)
     short = replace(other.select(["joint1"]), source="short")

@@ -34,6 +34,15 @@ def identified(rotor, **choices):
     return fr.identify(robot, logs[:1], valid=logs[1:], recursion="none", **choices), logs[1]
 
 
+def test_friction_that_leads_the_motion_is_no_inertia():
+    robot = fr.Robot.load("planar2")
+    effects = fr.parse_effects("viscous, coulomb(width=0.01, lead=0.01)")
+    log = fr.simulate(robot, fr.random_fourier(robot, 10.0, seed=1), rate=200.0, parameters={"fc1": 2.0, "fc2": 1.0})
+    model = fr.identify(robot, [log], effects=effects, recursion="none").model
+    q = np.random.default_rng(0).uniform(-2.0, 2.0, (20, 2))
+    np.testing.assert_allclose(mass_matrices(model, (q, {})), fr.ForwardDynamics(model).mass_matrix(q), rtol=1e-9)
+
+
 @pytest.fixture(scope="module")
 def negative():
     return identified(-1.0)

@@ -140,3 +140,15 @@ def test_given_gains_are_kept() -> None:
 def test_impossible_gains_are_refused(gain: dict[str, float], doubt: dict[str, float], said: str) -> None:
     with pytest.raises(InputError, match=said):
         fr.CurrentGains(gain, doubt)
+
+
+def test_effects_that_read_channels_or_remember_have_currents_too() -> None:
+    robot, log = fr.Robot.load("planar2"), amperes()
+    warm = {f"temperature_{n}": 25.0 + 0.1 * log.t for n in robot.joints}
+    effects = fr.parse_effects("viscous, coulomb, offset, torque_drift(by=temperature), elasticity")
+    plain = fr.parse_effects("viscous, coulomb, offset")
+    found, usual = (
+        fr.identify(robot, [replace(log, extra=warm)], effects=some, recursion="none") for some in (effects, plain)
+    )
+    for one, other in zip(found.amperes, usual.amperes, strict=True):
+        assert one.holding == pytest.approx(other.holding, rel=0.05)

@@ -343,6 +343,20 @@ def test_on_a_slow_motion_a_spring_is_shown_over_the_angle():
     )
 
 
+def test_an_effect_is_shown_over_the_motion_of_its_own_joint():
+    """Joint 1 rests. Before, the spring of joint 2 was drawn over the position of joint 1, and so over time."""
+    robot, spring, values = Robot.load("planar2"), parse_effects("joint_spring@joint2"), {"fc1": 0.3, "fc2": 0.3}
+    model = identify(robot, [recorded(extra=values)], recursion="none").model
+    motion, moves = random_fourier(robot, 20.0, seed=3), [0.0, 1.0]
+    motion = replace(motion, A=motion.A * moves, B=motion.B * moves)
+    effects, values = (*BASELINE, *spring), values | {"ks2": 1.5}
+    log = simulate(robot, motion, rate=50, effects=effects, parameters=values, noise=Noise(tau=0.01))
+    found = diagnose(model, [log], effects=["joint_spring"])
+    drawn = shape_of(found, found.findings[0], predict(model, [log]))
+    assert (found.validator.joints, drawn.joint, drawn.variable) == (("joint2",), "joint2", "q")
+    assert np.ptp(drawn.x) > 0.9 * np.ptp(log.q[:, 1])
+
+
 def test_sentences_begin_with_a_capital_or_a_joint():
     assert capital("gravity pulls", ("joint1",)) == "Gravity pulls"
     assert capital("each joint rubs", ("joint1", "joint2")) == "Each joint rubs"
