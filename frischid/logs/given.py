@@ -1,11 +1,19 @@
-"""Logs as a caller gives them: logs, recordings and data frames, alone or in a list."""
+"""Logs as a caller gives them: logs, recordings and data frames, alone or in a list.
+
+Results name their logs. So logs in memory that share a name, such as two simulations, get numbers: ``simulated``,
+``simulated (2)``.
+"""
 
 from __future__ import annotations
 
-from collections.abc import Sequence
+from collections import Counter
+from collections.abc import Iterable, Sequence
+from dataclasses import replace
+from functools import partial
 from pathlib import Path
 from typing import TYPE_CHECKING, Any, TypeAlias
 
+from frischid.core.remembered import Remembered
 from frischid.errors import InputError
 from frischid.logs.log import Log
 from frischid.logs.mapping import MappingLike
@@ -16,12 +24,13 @@ if TYPE_CHECKING:
 
 Logs: TypeAlias = "IntoDataFrame | Sequence[Log | Recording | IntoDataFrame]"
 """What stands for the logs of a function: a list of logs, recordings and data frames, or one data frame."""
+_NUMBERED = Remembered[Log]()  # what is remembered of a log holds for its numbered copy in the next call too
 
 
 def as_logs(
     given: Logs, joints: Sequence[str], mapping: MappingLike = None, name: str = "logs"
 ) -> list[Log | Recording]:
-    """Logs of what a caller gave; each data frame becomes a log.
+    """Logs of what a caller gave, each with its own name; each data frame becomes a log.
 
     Parameters
     ----------
@@ -54,7 +63,7 @@ def as_logs(
     if isinstance(given, Log | Recording | str | Path):
         raise refusal(name, given)
     items: list[Any] = list(given) if isinstance(given, Sequence) else [given]
-    return [_log(item, f"{name}[{k}]", joints, mapping) for k, item in enumerate(items)]
+    return _numbered(_log(item, f"{name}[{k}]", joints, mapping) for k, item in enumerate(items))
 
 
 def whole_logs(given: Logs, joints: Sequence[str], mapping: MappingLike = None, name: str = "logs") -> list[Log]:
@@ -64,6 +73,19 @@ def whole_logs(given: Logs, joints: Sequence[str], mapping: MappingLike = None, 
         if isinstance(log, Recording):
             raise InputError(f"{log.source}: a whole log is needed here; read the file with frischid.read_log")
     return [log for log in found if isinstance(log, Log)]
+
+
+def _numbered(logs: Iterable[Log | Recording]) -> list[Log | Recording]:
+    """The logs, with a number behind the name of each that has the name of one before."""
+    found, names = list[Log | Recording](), Counter[str]()
+    for log in logs:
+        names[log.source] += 1
+        again = f"{log.source} ({names[log.source]})"
+        if names[log.source] > 1 and isinstance(log, Log):
+            found.append(_NUMBERED.of(log, again, partial(replace, log, source=again)))
+        else:
+            found.append(log)
+    return found
 
 
 def _log(item: Any, name: str, joints: Sequence[str], mapping: MappingLike) -> Log | Recording:

@@ -1,12 +1,14 @@
 """A data frame stands wherever a log may stand, with a mapping or without."""
 
+from dataclasses import replace
+
 import numpy as np
 import pyarrow as pa
 import pytest
 
 import frischid as fr
 from frischid.errors import InputError
-from frischid.logs.given import whole_logs
+from frischid.logs.given import as_logs, whole_logs
 
 PLANAR2 = fr.Robot.load("planar2")
 
@@ -106,3 +108,18 @@ def test_what_is_neither_is_refused(model):
     for wrong in (3, {"t": [0.0]}, [np.zeros(3)], "run.csv"):
         with pytest.raises(InputError, match="a data frame may stand in place of a log"):
             fr.compare(model, wrong)
+
+
+def test_logs_in_memory_that_share_a_name_get_numbers(logs):
+    numbered = as_logs([*logs, logs[0]], PLANAR2.joints)
+    assert [log.source for log in numbered] == ["simulated", "simulated (2)", "simulated (3)"]
+    assert as_logs(logs, PLANAR2.joints)[1] is numbered[1], "what is remembered of it holds in the next call"
+    assert numbered[1].identity == logs[1].identity
+
+
+def test_a_push_takes_no_seconds_out_of_another_log(logs):
+    tau = np.array(logs[1].tau)
+    tau[(logs[1].t > 3) & (logs[1].t < 4)] += 3 * tau.std(axis=0)
+    found = fr.diagnose(fr.identify(PLANAR2, logs, recursion="none").model, [logs[0], replace(logs[1], tau=tau)])
+    assert found.verdict == "contact"
+    assert {contact.source for contact in found.contacts} == {"simulated (2)"}
