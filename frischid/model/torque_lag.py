@@ -209,8 +209,10 @@ def _lag(
     doubt = np.sqrt(np.square(each.influence[:, :J] - one.influence[:, :1]).sum(axis=0))
     bar = -special.stdtrit(freedom, criteria.lag_differs_p_value / (2 * J)) * doubt
     bar = np.maximum(bar, criteria.lag_differs_share * abs(lag))
+    told = each.error[:J] > 0  # where a joint turns a body of revolution, its lag and its rotor inertia are one column
+    bar = np.where(told, bar, np.inf)
     value = each.value[:J] + taken
-    own = 2 * special.stdtr(freedom, -np.abs(value) / np.maximum(each.error[:J], 1e-300))
+    own = np.where(told, 2 * special.stdtr(freedom, -np.abs(value) / np.maximum(each.error[:J], 1e-300)), 1.0)
     joints = tuple(
         JointLag(n, float(x), float(s), bool(p < criteria.lag_p_value / J))
         for n, x, s, p in zip(names, value, each.error, own, strict=False)

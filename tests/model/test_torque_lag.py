@@ -145,6 +145,22 @@ def test_a_lag_of_one_joint_alone_is_no_lag_of_the_record():
     assert any("not on all joints alike" in note for note in found.notes)
 
 
+def test_a_joint_that_turns_a_body_of_revolution_does_not_hide_the_lag_of_the_others():
+    """The sixth joint of the Kinova moves no gravity: a lag of its viscous friction is rotor inertia."""
+    robot = fr.Robot.load("kinova")
+    friction = {f"{name}{j}": x for name, x in (("fv", 0.3), ("fc", 0.2), ("Ia", 0.05)) for j in range(1, 7)}
+    log = fr.simulate(
+        robot, fr.random_fourier(robot, 30.0, seed=2), rate=100.0, effects=fr.BASELINE,
+        parameters=friction | {"Ia6": 3e-4}, noise=fr.Noise(q=1e-5, tau=0.02), channels=(), seed=2,
+    )  # fmt: skip
+    lag = fr.identify(robot, [late(log, 0.004)], recursion="none").torque_lag
+    silent = lag.joints[-1]
+    assert silent.error == 0.0
+    assert not silent.significant
+    assert lag.differing == ()
+    assert lag.taken == pytest.approx(0.004, abs=4 * lag.error)
+
+
 def test_the_remedy_removes_the_lag_and_the_error():
     log, test = (late(recorded(seed), 0.0025) for seed in (2, 3))
     step = fr.add(fitted(log, torque_lag=0.0).model, parse_effects("time_delay"), [log], valid=[test])
