@@ -54,6 +54,18 @@ def test_a_lag_of_about_a_sample_is_measured_said_and_taken_back(rate, by):
     assert ("behind" if by > 0 else "ahead of") in lag.said
 
 
+def test_a_lag_far_below_a_sample_step_is_taken_back_and_no_effect_is_missing():
+    """A current filter of 0.4 ms in a log at 100 Hz."""
+    log = fr.simulate(
+        ROBOT, fr.random_fourier(ROBOT, 40.0, seed=2), rate=100.0, effects=fr.BASELINE, parameters=FRICTION,
+        noise=fr.Noise(q=1e-5, tau=0.005), channels=(), seed=2,
+    )  # fmt: skip
+    found = fitted(late(log, 0.0004))
+    assert found.torque_lag.taken == pytest.approx(0.0004, abs=4 * found.torque_lag.error)
+    assert found.torque_lag.said in found.notes
+    assert fr.diagnose(found.model, [late(log, 0.0004)]).verdict == "none"
+
+
 def test_a_lag_that_is_taken_back_leaves_no_error():
     true = recorded(2)
     clean, taken = fitted(true, cutoff=5.0), fitted(late(true, 0.0025), cutoff=5.0)
