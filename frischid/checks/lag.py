@@ -184,7 +184,8 @@ def _late(notes: Notebook, by: str, sign: float, gone: float, where: tuple[str, 
         "friction",
         where,
         "likely" if sure == "likely" else "possible",
-        "record both with one clock and one filter, shift the columns, or add time_delay (frischid effects time_delay)",
+        "if all joints are late by at most 1.5 samples, nothing: identify takes that back; else record both with one "
+        "clock and one filter, shift the columns, or add time_delay (frischid effects time_delay)",
     )
 
 
