@@ -184,7 +184,11 @@ def _late(notes: Notebook, by: str, sign: float, gone: float, where: tuple[str, 
         "friction",
         where,
         "likely" if sure == "likely" else "possible",
-        "record both with one clock and one filter, shift the columns, or add time_delay (frischid effects time_delay)",
+        "dry friction that follows a reversal late and an elastic gear look the same: identify, then frischid "
+        "diagnose; or a channel of these joints has another filter or clock"
+        if where
+        else "up to 1.5 samples, nothing: identify takes that back; beyond, record both with one clock and one filter, "
+        "shift the columns, or add time_delay (frischid effects time_delay)",
     )
 
 

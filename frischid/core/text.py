@@ -88,16 +88,16 @@ def percent(share: float, digits: int = 0) -> str:
 def sentence(text: str) -> str:
     """A text with a capital at its beginning, unless its first word is a name: of a joint, an effect, a file.
 
-    Names are known by an underscore, a digit or a dot in them.
+    Names are known by an underscore, a digit, a dot or a capital letter in them.
 
     Examples
     --------
     >>> from frischid.core.text import sentence
-    >>> sentence("the model fits"), sentence("joint_spring on elbow was not added")
-    ('The model fits', 'joint_spring on elbow was not added')
+    >>> sentence("the model fits"), sentence("joint_spring on elbow was not added"), sentence("jointGripper slips")
+    ('The model fits', 'joint_spring on elbow was not added', 'jointGripper slips')
     """
     first = text.split(maxsplit=1)[0].rstrip(".,:;") if text.strip() else ""
-    named = "_" in first or "." in first or any(map(str.isdigit, first))
+    named = "_" in first or "." in first or any(x.isdigit() or x.isupper() for x in first[1:])
     return text if named else text[:1].upper() + text[1:]
 
 

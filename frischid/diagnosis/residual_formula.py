@@ -31,6 +31,7 @@ from frischid.estimators.p_values import depends
 from frischid.model.comparison_criteria import COMPARISON_CRITERIA
 
 _KNEES = (0.03, 0.1, 0.3, 1.0)  # of a joint's torque (std): loads at which a torque may bend
+SAID_VARIABLES = 4  # in a sentence; all of them are in `Description.depends_on`
 
 
 @dataclass(frozen=True)
@@ -64,12 +65,15 @@ class Description:
                 "noise of the torque looks like that, and an effect with memory does. Record one motion three times "
                 "(frischid excite --repeat 3): only an effect comes again with the motion"
             )
-        depends = ", ".join(self.depends_on) or "no variable alone"
+        variables = list(self.depends_on)
+        depends = ", ".join(variables) or "no variable alone"
+        if len(variables) > SAID_VARIABLES:
+            depends = f"{len(variables)} variables, most clearly on {listed(variables[:SAID_VARIABLES])}"
         formula = listed([f"'{f}'" for f in self.formula])
         verb = "describes" if len(self.formula) == 1 else "describe"
         described = f"; {formula} {verb} {percent(self.removed)} of it (a description, not a cause)" if formula else ""
         used = dict.fromkeys(re.findall(r"[a-z](\d+)", f"{depends} {formula}"))
-        numbered = [f"joint {k} is {self.joints[k]}" for k in used if k in self.joints]
+        numbered = [f"joint {k} is {self.joints[k]}" for k in used if self.joints.get(k, f"joint{k}") != f"joint{k}"]
         names = f"; {listed(numbered)}" if numbered else ""
         return f"The residual error of {self.joint} depends on {depends}{described}{names}"
 

@@ -10,6 +10,8 @@ from __future__ import annotations
 
 import dataclasses
 from collections.abc import Mapping
+from difflib import get_close_matches
+from itertools import pairwise
 from typing import Any
 
 from frischid.effects.base import EFFECTS, Effect
@@ -68,7 +70,14 @@ def parse_effects(text: str, *, complete: bool = False) -> tuple[Effect, ...]:
     >>> coulomb.width, coulomb.joints
     (0.02, ('elbow',))
     """
-    effects = [_parse_one(item, complete) for item in _items(text)]
+    items = _items(text)
+    for before, item in pairwise(map(str.strip, items)):
+        if "@" in before and item.isidentifier() and not get_close_matches(item, EFFECTS):
+            raise InputError(
+                f"effects '{text}': unknown effect '{item}'; if this is another joint of the effect before it, write + "
+                f"in place of the comma: {before}+{item}"
+            )
+    effects = [_parse_one(item, complete) for item in items]
     if len({(e.id, e.joints, str(e) if e.several else "") for e in effects}) < len(effects):
         raise InputError(f"effects '{text}': the same effect is named twice for the same joints")
     return tuple(effects)

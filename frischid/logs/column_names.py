@@ -182,11 +182,15 @@ def set_point(name: str) -> tuple[str | None, str]:
 
 def _without_unit(name: str) -> list[str]:
     """Words of a column's name without its unit; a German compound is cut: ``Achsmoment`` -> ``achs``, ``moment``."""
-    spaced = re.sub(r"(?<=[a-z])(?=[A-Z])|(?<=[A-Z])(?=[A-Z][a-z])", "_", unit_of(name)[1])
-    words = [w for w in re.split(r"[^0-9A-Za-z]+", spaced.lower()) if w]
+    words = [w for w in re.split(r"[^0-9A-Za-z]+", _spaced(unit_of(name)[1]).lower()) if w]
     quantities = "|".join(sorted(w for w in ALL_CHANNEL_WORDS if len(w) >= LEAST_OF_COMPOUND))
     cut = [re.fullmatch(rf"({COMPOUND})({quantities})", w) for w in words]
     return [part for w, match in zip(words, cut, strict=True) for part in (match.groups() if match else (w,))]
+
+
+def _spaced(text: str) -> str:
+    """A text with its capitals apart: ``jointGripper`` -> ``joint_Gripper``."""
+    return re.sub(r"(?<=[a-z])(?=[A-Z])|(?<=[A-Z])(?=[A-Z][a-z])", "_", text)
 
 
 def _counted(word: str) -> list[str] | None:
@@ -319,8 +323,8 @@ def _by_number(numbers: Mapping[str, int], joints: Sequence[str], known: Mapping
 
 
 def _words(text: str) -> tuple[str, ...]:
-    """Words that tell one joint from another: ``joint1`` is cut as `split` cuts a column's name."""
-    words = [part for w in re.split(r"[^0-9a-z]+", text.lower()) for part in (_counted(w) or [w])]
+    """Words that tell one joint from another: ``jointGripper`` and ``joint1`` are cut as `split` cuts names."""
+    words = [part for w in re.split(r"[^0-9a-z]+", _spaced(text).lower()) for part in (_counted(w) or [w])]
     return tuple(w for w in words if w not in FILLER_WORDS)
 
 

@@ -268,5 +268,7 @@ def noise_level(x: Array) -> Array:
     """
     fourth = np.diff(x, n=QUARTIC, axis=0) / np.sqrt(70.0)
     spread = np.median(np.abs(fourth), axis=0) / 0.6745
-    # Most differences of a quantised channel at standstill are zero: only the others show its noise.
-    return np.asarray(np.where(spread > 0, spread, np.std(fourth, axis=0)))
+    # Most differences of a quantised channel at standstill are zero: only the others show its noise. A velocity
+    # behind a drive's filter runs out instead, to less than any sensor resolves.
+    nothing = np.finfo(float).eps ** 2 * np.max(np.abs(x), axis=0, initial=0.0)
+    return np.asarray(np.where(spread > nothing, spread, np.std(fourth, axis=0)))

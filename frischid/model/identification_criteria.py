@@ -45,8 +45,6 @@ class IdentificationCriteria:
         one lag of half a step reach 0.25 on a joint, the UR10e's measured joints 2 and more.
     lag_likely_p_value : float
         p-value below which a lag is estimated again with corrected parameters.
-    lag_least_steps : float
-        Smallest lag that counts, in sample steps: time stamps are rounded.
     lag_sampling_steps : float
         Longest lag, in sample steps, that sampling and held commands explain, and that a model takes back: a held
         command acts half a step late on average, and its record may be a step late.
@@ -66,7 +64,6 @@ class IdentificationCriteria:
     lag_differs_p_value: float = 0.01
     lag_differs_share: float = 0.5
     lag_likely_p_value: float = 0.05
-    lag_least_steps: float = 0.1
     lag_sampling_steps: float = 1.5
     lag_stretches: int = 6
 

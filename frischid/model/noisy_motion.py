@@ -111,7 +111,7 @@ class SensorNoise:
 def _encoder_step(q: Array) -> float:
     """Step of a coarse encoder, rad (m): all changes are whole multiples of the smallest one; 0 where they are not."""
     changes = np.abs(np.diff(q))
-    changes = changes[changes > 0]
+    changes = changes[changes > np.finfo(float).eps * np.abs(q).max(initial=0.0)]  # smaller ones: rounding of numbers
     if not len(changes):
         return 0.0
     multiples = changes / changes.min()

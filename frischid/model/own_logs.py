@@ -120,7 +120,7 @@ def _found(entry: Mapping[str, Any], model: Model) -> Log | Recording | str:
             return "its mapping file is too large"
         reason = difference(mapping, (".toml",))
         if reason:
-            return f"of its mapping file {Path(mapping.path).name}: {reason}"
+            return f"mapping file {Path(mapping.path).name}: {reason}"
     try:
         joints = (*model.robot.joints, *model.robot.locked)
         form = None if mapping is None else mapping.path

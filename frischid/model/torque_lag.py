@@ -62,7 +62,7 @@ class TorqueLag:
     differing : tuple of str
         Joints whose lag differs significantly from that of all joints: a delay of the recording would be the same.
     significant : bool
-        Whether all joints agree on a lag that is neither chance nor the rounding of a time stamp.
+        Whether all joints agree on a lag that is not chance.
     sampling_steps : float
         Longest lag that sampling and held commands explain, in sample steps.
     taken : float
@@ -209,14 +209,16 @@ def _lag(
     doubt = np.sqrt(np.square(each.influence[:, :J] - one.influence[:, :1]).sum(axis=0))
     bar = -special.stdtrit(freedom, criteria.lag_differs_p_value / (2 * J)) * doubt
     bar = np.maximum(bar, criteria.lag_differs_share * abs(lag))
+    told = each.error[:J] > 0  # where a joint turns a body of revolution, its lag and its rotor inertia are one column
+    bar = np.where(told, bar, np.inf)
     value = each.value[:J] + taken
-    own = 2 * special.stdtr(freedom, -np.abs(value) / np.maximum(each.error[:J], 1e-300))
+    own = np.where(told, 2 * special.stdtr(freedom, -np.abs(value) / np.maximum(each.error[:J], 1e-300)), 1.0)
     joints = tuple(
         JointLag(n, float(x), float(s), bool(p < criteria.lag_p_value / J))
         for n, x, s, p in zip(names, value, each.error, own, strict=False)
     )
     differing = tuple(j.name for j, most in zip(joints, bar, strict=True) if abs(j.lag - lag) > most)
-    known = abs(lag) > criteria.lag_least_steps * sums.step and p_value < criteria.lag_p_value
+    known = p_value < criteria.lag_p_value
     limit = criteria.lag_sampling_steps
     found = TorqueLag(lag, error, sums.step, p_value, joints, differing, known and not differing, limit, taken)
     return found, _Again(sums.theta + one.change, bool(likely))

@@ -61,21 +61,24 @@ class _Seen:
 def _read(text: str) -> _Seen:
     parser, seen = expat.ParserCreate(), _Seen()
     path: list[str] = []
-    owner, parent, offset = "", "", 0.0
+    owner, parent, offset, sliding = "", "", 0.0, False
 
     def start(tag: str, attributes: dict[str, str]) -> None:
-        nonlocal owner, parent, offset
+        nonlocal owner, parent, offset, sliding
         path.append(tag)
         place, line = tuple(path[1:]), parser.CurrentLineNumber
         if place in (("link",), ("joint",)):
             owner, parent, offset = attributes.get("name", ""), "", 0.0
+            sliding = attributes.get("type") == "prismatic"
             if tag == "joint" and attributes.get("type") in MOVING:
                 seen.moving.append(owner)
         elif place == ("joint", "dynamics") and "damping" in attributes:
             seen.damping[owner] = line, attributes["damping"]
             seen.of_mjcf |= "armature" in attributes
         elif place == ("joint", "origin"):
-            offset = float(np.linalg.norm(_three(attributes)))
+            offset += float(np.linalg.norm(_three(attributes)))
+        elif place == ("joint", "limit") and sliding:  # the link is a rail of this length
+            offset += max(abs(_number(attributes.get(k, "0"))) for k in ("lower", "upper"))
         elif place == ("joint", "parent"):
             parent = attributes.get("link", "")
         elif place == ("link", "inertial", "origin"):

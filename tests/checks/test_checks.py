@@ -489,6 +489,14 @@ def test_a_late_recording_is_told_from_friction_that_lags(data):
     assert lags.facts["torque_lag"] > 0.015
     assert not lags.issues
     assert [(i.kind, i.where) for i in late.issues] == [("late torque", ())]
+    assert "identify takes that back" in late.issues[0].advice
+
+
+def test_the_delay_of_a_single_joint_may_be_its_friction():
+    log = clean("ur10")
+    issue = kinds(Robot.load("ur10"), replace(log, tau=column(log.tau, 0, lambda _: delayed(log, log.tau, 0.05)[:, 0])))
+    assert issue["late torque"].where == log.joints[:1]
+    assert "friction that follows a reversal late" in issue["late torque"].advice
 
 
 def test_a_locked_joint_that_moves_is_told():

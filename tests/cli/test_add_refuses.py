@@ -1,5 +1,6 @@
 """`add` refuses an effect that no log can show, and an expression that nobody wrote."""
 
+import json
 from dataclasses import replace
 
 import numpy as np
@@ -39,6 +40,16 @@ def test_an_effect_on_a_joint_without_torque_is_an_error(folder):
     assert "fitted: joint1" in said
     assert not (folder / "x.json").exists()
     assert added(folder, "joint_spring@joint1")[0] == 0
+
+
+def test_all_effects_that_were_added_are_named(folder):
+    robot = fr.Robot.load("planar2")
+    log = fr.simulate(robot, fr.random_fourier(robot, 10.0, seed=1), rate=50.0, noise=fr.Noise(tau=0.01))
+    fr.write_log(log, folder / "both.csv")
+    fr.identify(robot, [log], recursion="none").model.save(folder / "both.json")
+    command = ["add", f"{folder}/both.json", "joint_spring@joint1, joint_spring@joint2", f"{folder}/both.csv"]
+    result = CliRunner().invoke(main, [*command, "-o", f"{folder}/y.json", "--json"])
+    assert [e.joints for e in fr.parse_effects(json.loads(result.stdout)["effect"])] == [("joint1",), ("joint2",)]
 
 
 def test_a_formula_needs_its_expression(folder):

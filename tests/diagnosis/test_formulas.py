@@ -67,3 +67,11 @@ def test_formulas_know_the_joints_of_a_robot_with_mimic_joints(joint):
 def test_a_description_says_which_joint_a_number_means():
     found = Description("elbow", {"v3": 1e-9}, ("sign(v3)", "q2*q3"), 0.9, {"2": "lift", "3": "elbow", "4": "wrist"})
     assert str(found).endswith("; joint 3 is elbow and joint 2 is lift")
+
+
+def test_of_many_variables_the_clearest_are_named_and_joints_that_have_their_number_in_their_name_are_not_explained():
+    depends = {f"{x}{k}": 1e-9 for k in (2, 1, 3) for x in "qva"}
+    found = Description("joint2", depends, (), 0.0, {"1": "joint1", "2": "joint2", "3": "wrist"})
+    assert str(found) == "The residual error of joint2 depends on 9 variables, most clearly on q2, v2, a2 and q1"
+    few = Description("joint2", {"q3": 1e-9}, (), 0.0, {"1": "joint1", "2": "joint2", "3": "wrist"})
+    assert str(few) == "The residual error of joint2 depends on q3; joint 3 is wrist"

@@ -723,6 +723,8 @@ def test_ways_to_write_an_effect():
         ("coulomb(0.1", "name\\(parameter=value\\)"),
         ("viscous@a@b", "name\\(parameter=value\\)"),
         ("viscous, viscous", "twice"),
+        ("stribeck@elbow, wrist", "stribeck@elbow\\+wrist"),
+        ("stribeck@elbow, viscos", "viscous"),
         ("formula(q)@a, formula(q)@a", "twice"),
         ("stribeck(speed=fast)", "speed"),
         ("formula(__import__)", "__import__"),

@@ -7,7 +7,7 @@ from click.testing import CliRunner
 
 from frischid.cli import main
 from frischid.errors import InputError
-from frischid.logs.column_names import assign, split, split_all
+from frischid.logs.column_names import assign, exactly, split, split_all
 from frischid.logs.mapping_guess import propose
 from frischid.logs.readers import read_chunks, read_log
 from frischid.logs.table_writing import write_table
@@ -288,6 +288,14 @@ def test_the_unit_of_time_in_a_name_decides_at_a_slow_rate(tmp_path, name, scale
     write_table({column: values[::every] for column, values in table.items()}, path)
     output.write_text(propose(path, UR).toml("log.csv"), encoding="utf-8")
     np.testing.assert_allclose(read_log(path, UR.joints, output).t, LOG.t[::every], atol=1e-9)
+
+
+@pytest.mark.parametrize("gripper", ["jointGripper", "joint_gripper", "GRIPPER"])
+def test_a_joint_with_a_capital_inside_is_found_beside_numbered_ones(gripper):
+    """Unitree's Z1: ``joint1`` to ``joint6`` and ``jointGripper``."""
+    joints = [f"joint{k}" for k in range(1, 7)] + ["jointGripper"]
+    names = {f"q_{joint}": split(f"q_{joint}")[1] for joint in [*joints[:-1], gripper]}
+    assert exactly(names, joints).columns == dict(zip(joints, names, strict=True))
 
 
 def test_a_name_with_a_number_is_exact_beside_one_without():

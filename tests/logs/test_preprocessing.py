@@ -62,6 +62,12 @@ def test_noise_level_of_known_noise(sigma):
     assert (noise_level(smooth) < 1e-6).all()
 
 
+def test_the_noise_of_a_velocity_behind_a_filter_is_not_the_rounding_of_numbers_at_rest():
+    """At rest the filter of a drive halves the velocity with every sample, down to 1e-300."""
+    moving = np.round(1e3 * np.sin(np.arange(400) / 30)) / 1e3 + 1e-4 * np.random.default_rng(2).normal(size=400)
+    assert noise_level(np.concatenate([moving, 0.1 * 0.5 ** np.arange(1000)])) > 1e-5
+
+
 def test_noise_level_is_not_fooled_by_outliers_and_sees_rare_steps():
     rng = np.random.default_rng(0)
     x = 1e-3 * rng.normal(size=2000)

@@ -15,6 +15,7 @@ from frischid.logs.preprocessing import prepare
 from frischid.model.comparison import compare
 from frischid.model.identification import identify
 from frischid.model.noise_floor import NoiseFloor, level_within
+from frischid.model.noisy_motion import _encoder_step
 from frischid.motions.simulation import Noise, simulate
 from frischid.motions.trajectory import random_fourier
 from frischid.robot.robot import Robot
@@ -155,3 +156,11 @@ def test_positions_are_as_noisy_in_each_stretch_as_they_are():
     model = identify(robot, logs[:1], recursion="none", cutoff=5.0).model
     found = compare(model, logs[1:])
     assert all(0.7 < joint.nrmse / joint.noise_floor < 1.2 for joint in found.joints.values())
+
+
+def test_positions_that_ring_out_at_rest_have_no_encoder_step():
+    """A spline through the rest of a log without some rows: each is a quarter of the one before, down to 1e-310."""
+    q = 1e-5 * (-0.268) ** np.arange(560.0)
+    with np.errstate(all="raise", under="ignore"):
+        assert _encoder_step(q) == 0.0
+    assert _encoder_step(0.001 * np.round(300 * np.sin(T / 5))) == pytest.approx(0.001)

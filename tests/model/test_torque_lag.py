@@ -54,6 +54,18 @@ def test_a_lag_of_about_a_sample_is_measured_said_and_taken_back(rate, by):
     assert ("behind" if by > 0 else "ahead of") in lag.said
 
 
+def test_a_lag_far_below_a_sample_step_is_taken_back_and_no_effect_is_missing():
+    """A current filter of 0.4 ms in a log at 100 Hz."""
+    log = fr.simulate(
+        ROBOT, fr.random_fourier(ROBOT, 40.0, seed=2), rate=100.0, effects=fr.BASELINE, parameters=FRICTION,
+        noise=fr.Noise(q=1e-5, tau=0.005), channels=(), seed=2,
+    )  # fmt: skip
+    found = fitted(late(log, 0.0004))
+    assert found.torque_lag.taken == pytest.approx(0.0004, abs=4 * found.torque_lag.error)
+    assert found.torque_lag.said in found.notes
+    assert fr.diagnose(found.model, [late(log, 0.0004)]).verdict == "none"
+
+
 def test_a_lag_that_is_taken_back_leaves_no_error():
     true = recorded(2)
     clean, taken = fitted(true, cutoff=5.0), fitted(late(true, 0.0025), cutoff=5.0)
@@ -143,6 +155,22 @@ def test_a_lag_of_one_joint_alone_is_no_lag_of_the_record():
     assert "joint2" in found.torque_lag.differing
     assert not found.torque_lag.significant
     assert any("not on all joints alike" in note for note in found.notes)
+
+
+def test_a_joint_that_turns_a_body_of_revolution_does_not_hide_the_lag_of_the_others():
+    """The sixth joint of the Kinova moves no gravity: a lag of its viscous friction is rotor inertia."""
+    robot = fr.Robot.load("kinova")
+    friction = {f"{name}{j}": x for name, x in (("fv", 0.3), ("fc", 0.2), ("Ia", 0.05)) for j in range(1, 7)}
+    log = fr.simulate(
+        robot, fr.random_fourier(robot, 30.0, seed=2), rate=100.0, effects=fr.BASELINE,
+        parameters=friction | {"Ia6": 3e-4}, noise=fr.Noise(q=1e-5, tau=0.02), channels=(), seed=2,
+    )  # fmt: skip
+    lag = fr.identify(robot, [late(log, 0.004)], recursion="none").torque_lag
+    silent = lag.joints[-1]
+    assert silent.error == 0.0
+    assert not silent.significant
+    assert lag.differing == ()
+    assert lag.taken == pytest.approx(0.004, abs=4 * lag.error)
 
 
 def test_the_remedy_removes_the_lag_and_the_error():

@@ -68,3 +68,16 @@ def test_impossible_bodies_and_far_centres():
     found = urdf_doubts(text)
     assert any("no body can have the inertia of link 'l0'" in x for x in found)
     assert any("centre of mass of link 'l1' is 1.7 m" in x for x in found)
+
+
+def test_the_bridge_of_a_gantry_is_as_long_as_its_carriage_slides():
+    text = (
+        '<robot name="gantry"><link name="base"/>'
+        + link("bridge", 20.0, centre="0 0.6 0")
+        + '<link name="carriage"/><joint name="X" type="prismatic"><parent link="base"/><child link="bridge"/></joint>'
+        + '<joint name="Y" type="{}"><parent link="bridge"/><child link="carriage"/>'
+        + '<limit lower="0" upper="1.2"/></joint>'
+        + "</robot>"
+    )
+    assert not any("centre of mass" in x for x in urdf_doubts(text.format("prismatic")))
+    assert any("centre of mass" in x for x in urdf_doubts(text.format("revolute")))

@@ -126,9 +126,10 @@ def verdict_of(result: Diagnosis) -> str:
 def added(step: Step, output: str) -> Page:
     """Error before and after."""
     names = ", ".join(str(e) for e in step.model.effects)
+    new = ", ".join(step.model.history[-1]["effects"])
     error, reach = step.headline, reach_of(step.model)
     data = {
-        "effect": str(step.effect),
+        "effect": new,
         "headline": None if error is None else error.to_dict(),
         "step": step_errors(step),
         "exports": exports(reach),
@@ -137,7 +138,7 @@ def added(step: Step, output: str) -> Page:
     return Page(
         data,
         [
-            f"{step.effect} added: {fall_of(step)}",
+            f"{new} added: {fall_of(step)}",
             *([] if error is None else [headline_line(error)]),
             f"effects now: {names}",
             in_words(reach),
