@@ -27,7 +27,7 @@ from frischid.diagnosis.explained_error import explained_share, in_floors, negli
 from frischid.diagnosis.findings import OLD_PARAMETERS, Finding, shape_of
 from frischid.diagnosis.floor import Floor
 from frischid.diagnosis.healthy_twin import HealthyTwin
-from frischid.diagnosis.reversal_residuals import only_at_reversals
+from frischid.diagnosis.reversal_residuals import absent_in_motion, only_at_reversals
 from frischid.effects import EFFECTS
 
 
@@ -114,6 +114,7 @@ def _finding(
         own=effect.own.unique,
         elsewhere=effect.elsewhere,
         negligible=negligible(before[rows], noise[rows], validator.criteria),
+        absent_in_motion=not seen and effect.gain > 0 and absent_in_motion(validator, effect.together, rows),
     )
 
 

@@ -9,10 +9,11 @@ of the error lies at reversals and standstill, dry friction is undetermined, and
 
 from __future__ import annotations
 
-from dataclasses import dataclass, field
+from collections.abc import Sequence
+from dataclasses import dataclass, field, replace
 from typing import Any
 
-from frischid.core.text import listed, percent
+from frischid.core.text import about, listed, percent
 from frischid.diagnosis.criteria import DIAGNOSIS_CRITERIA, DiagnosisCriteria
 from frischid.effects import EFFECTS, Effect
 from frischid.effects.notation import stated_choices
@@ -74,6 +75,9 @@ class Finding:
         Joints on each of which the same effect instead explains these data nearly as well.
     negligible : bool
         Whether that error is negligible.
+    absent_in_motion : bool
+        Whether the joints' error is only at reversals, and their motion shows less than half of the effect, which acts
+        there too.
     """
 
     effect: str
@@ -98,6 +102,7 @@ class Finding:
     set_aside: str = ""
     elsewhere: tuple[str, ...] = ()
     negligible: bool = False
+    absent_in_motion: bool = False
 
     @property
     def explains(self) -> str:
@@ -131,9 +136,9 @@ class Finding:
     def dry_friction_instead(self) -> bool:
         """Whether it explains only a part of an error at reversals: undetermined dry friction is the cause instead.
 
-        An effect that explains nearly all of such an error may be its cause.
+        An effect that explains nearly all of such an error may be its cause, if the motion shows the effect too.
         """
-        return self.floors == 0 and self.share < self.criteria.nearly_explained
+        return self.floors == 0 and (self.share < self.criteria.nearly_explained or self.absent_in_motion)
 
     @property
     def pays(self) -> bool:
@@ -155,8 +160,10 @@ class Finding:
         if floors == 0 and self.share > 0:
             least = criteria.nearly_explained
             why = f"and must explain {percent(least)}, because all of that error is at reversals and standstill"
-            explains = self._explained(least)
-            return "" if self.share >= least else f"{explains}, {why}"
+            if self.share < least:
+                return f"{self._explained(least)}, {why}"
+            said = "all of the error is at reversals and standstill, and the motion shows less than half of the effect"
+            return said if self.absent_in_motion else ""
         if floors <= criteria.floor_tolerance:
             return "the error there is hardly more than the sensor noise"
         if self.negligible:
@@ -238,6 +245,19 @@ class Finding:
         lists = {k: list(values[k]) for k in ("joints", "confused_with", "elsewhere")}
         members = [str(effect) for effect in self.members]
         return values | lists | {"members": members, "significant": self.significant, "withheld": self.withheld}
+
+
+def with_members(finding: Finding, members: Sequence[Effect], robot: Robot) -> Finding:
+    """The finding with some of its effects alone; their shapes are in the effects."""
+    joints = tuple(dict.fromkeys(name for effect in members for name in (effect.joints or ())))
+    kept = {column.name for effect in members for column in effect.columns(robot)}
+    return replace(
+        finding,
+        members=tuple(members),
+        joints=joints,
+        parameters={name: x for name, x in finding.parameters.items() if name in kept},
+        sentence=about(joints, type(members[0]).sentence),
+    )
 
 
 def _edge(effect: Effect, key: str, value: float) -> str:

@@ -21,12 +21,12 @@ from dataclasses import replace
 from frischid.diagnosis.addition import fitted_step, tested
 from frischid.diagnosis.criteria import DIAGNOSIS_CRITERIA, DiagnosisCriteria
 from frischid.diagnosis.diagnosis import diagnose
-from frischid.diagnosis.findings import Finding
+from frischid.diagnosis.findings import Finding, with_members
 from frischid.diagnosis.result import Diagnosis
 from frischid.diagnosis.roles import always_missing, decided_situation, logs_before_change
 from frischid.diagnosis.situation import SituationOption, check_situation
 from frischid.diagnosis.step import Refusal, Step
-from frischid.diagnosis.step_acceptance import RISES_AT_STANDSTILL, reason_against, reason_against_refit
+from frischid.diagnosis.step_acceptance import RISES_AT_STANDSTILL, harmless, reason_against, reason_against_refit
 from frischid.effects import EFFECTS, Effect
 from frischid.errors import InputError
 from frischid.logs.given import Logs, as_logs
@@ -60,6 +60,8 @@ def improve(
     - the mean NRMSE falls;
     - no coefficient has an impossible sign;
     - the friction of each joint brakes on the logs' motion at twice its speed.
+
+    An effect that would make some joints worse is added on the others alone, if this passes.
 
     Effects are ranked beside each other, so a refused one may hide others: where all findings are refused, the
     diagnosis is made once more without the refused effects. The last diagnosis notes each refused step and the reason.
@@ -192,6 +194,8 @@ def next_step(
         step, reason = _step_with(model, diagnosis, finding, finding.members, logs)
         if step is None and reason == RISES_AT_STANDSTILL:
             step = _harmless_shape(model, diagnosis, finding, logs)
+        if step is None and len(finding.members) > 1:
+            step = _harmless_part(model, diagnosis, finding, logs)
         if step is not None:
             return step
         refused[finding.effect] = Refusal(finding, reason)
@@ -209,6 +213,19 @@ def _step_with(
     reason = "the error of the model does not fall after the refit" if step.error_after >= step.error_before else ""
     reason = reason or reason_against_refit(model, step.model, members, logs, diagnosis.criteria)
     return (None, reason) if reason else (step, "")
+
+
+def _harmless_part(
+    model: Model, diagnosis: Diagnosis, finding: Finding, logs: Sequence[Log | Recording]
+) -> Step | None:
+    """The step of an effect without its places on the joints that it would make worse; None where that is no step."""
+    before = finding.members
+    while 0 < len(left := harmless(diagnosis.validator, before)) < len(before):
+        step, _ = _step_with(model, diagnosis, with_members(finding, left, model.robot), left, logs)
+        if step is not None:
+            return step
+        before = left
+    return None
 
 
 def _harmless_shape(

@@ -11,16 +11,29 @@ with s₀ = ``criteria.slow_speed`` and κ = ``criteria.reversal_energy_share``.
 about a third of F; a larger error has other causes. An error of this kind does not ask for an explanation, but an
 effect that explains nearly all of the error is still named.
 
+Such an effect must be there in motion too, as far as it acts there. A delay shifts the whole torque, while a late jump
+of dry friction is at reversals only. With δ the torque by which the effect changes the prediction, the samples with
+|s| ≥ s₀ all along the filter's length show the share
+
+    r = Σ e δ / Σ δ²
+
+of the effect. Its standard error follows from the sums over blocks of time. Where r is surely below one half, the
+effect is not there in motion.
+
 Source: Armstrong-Hélouvry, Dupont and Canudas de Wit 1994, "A survey of models, analysis tools and compensation methods
 for the control of machines with friction", Automatica 30(7).
 """
 
 from __future__ import annotations
 
+from collections.abc import Sequence
+
 import numpy as np
 from numpy.typing import NDArray
+from scipy import ndimage, special
 
 from frischid.core.types import Array
+from frischid.diagnosis.candidate_columns import Candidate
 from frischid.diagnosis.cross_validation import CrossValidator
 from frischid.diagnosis.residual_variables import speeds
 
@@ -53,3 +66,39 @@ def only_at_reversals(validator: CrossValidator, floor: Array, theta: Array | No
     dry = validator.data.cache.regressor.dry[list(validator.model.torque_index)]
     most = validator.criteria.reversal_energy_share * slow * dry**2
     return np.asarray((energy > 0) & (moving < slow_speed * energy) & (energy < most))
+
+
+def absent_in_motion(validator: CrossValidator, effect: Candidate, rows: Sequence[int]) -> bool:
+    """Whether joints in motion show less than half of an effect that acts there too.
+
+    Parameters
+    ----------
+    validator : CrossValidator
+        Fit without the effect.
+    effect : Candidate
+        The effect at all its places.
+    rows : sequence of int
+        Joints by their position among the fitted ones.
+    """
+    criteria, wider = validator.criteria, validator.extended(effect)
+    found: list[Array] = []
+    for number, (t, relative) in enumerate(zip(validator.data.times, speeds(validator), strict=True)):
+        step = float(np.median(np.diff(t))) if len(t) > 1 else 1.0
+        slowest = ndimage.minimum_filter1d(np.abs(relative), len(validator.model.lowpass.taps(step)), axis=0)
+        block = ((t - t[:1]) // criteria.block_seconds).astype(int)
+        sums = np.zeros((block.max(initial=-1) + 1, 2))
+        for row in rows:
+            data = validator.data.of_motion(row, number)
+            before = validator.columns.predicted(data, validator.theta)
+            error, change = data.tau - before, wider.columns.predicted(data, wider.theta) - before
+            moving = slowest[data.picked, row] >= criteria.slow_speed
+            products = np.column_stack([error * change, change**2])[moving] / validator.spread[row] ** 2
+            np.add.at(sums, block[data.picked][moving], products)
+        found.append(sums[sums[:, 1] > 0])
+    product, square = np.concatenate(found).T
+    if len(square) < 2:
+        return False
+    share = product.sum() / square.sum()
+    doubt = np.sqrt(((product - share * square) ** 2).sum() * len(square) / (len(square) - 1)) / square.sum()
+    reach = -special.stdtrit(len(square) - 1, criteria.block_p_value)
+    return bool(share + reach * doubt < criteria.half_explained)

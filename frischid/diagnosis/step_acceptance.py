@@ -77,8 +77,7 @@ def reason_against(validator: CrossValidator, effects: Sequence[Effect]) -> str:
     after = validator.extended(candidate)
     sums = validator.base_sse().sum(axis=0), after.base_sse().sum(axis=0)
     each = [_rise(validator, after, row) for row in range(len(validator.joints))]
-    rises = [rise for rise, _ in each]
-    worse = worse_joints(rises, *sums, criteria, rejection(after.fit.determined, validator.effective, *sums))
+    worse = _worse(validator, after, [rise for rise, _ in each])
     if worse:
         return f"{_named(validator.joints, worse, *sums)} would become worse"
     ratio = np.log(np.maximum(sums[1], 1e-300) / np.maximum(sums[0], 1e-300))
@@ -89,6 +88,23 @@ def reason_against(validator: CrossValidator, effects: Sequence[Effect]) -> str:
             "over blocks of time"
         )
     return "" if ratio.mean() < 0 else "the errors of all joints together do not fall"
+
+
+def harmless(validator: CrossValidator, effects: Sequence[Effect]) -> tuple[Effect, ...]:
+    """Those of some effects that act on no joint which all of them together would make worse.
+
+    Parameters are as in `reason_against`.
+    """
+    after = validator.extended(validator.joined(validator.candidates(effects)))
+    worse = set(_worse(validator, after, [_rise(validator, after, row)[0] for row in range(len(validator.joints))]))
+    columns = [{row for c in validator.candidates([effect]) for row in c.columns} for effect in effects]
+    return tuple(effect for effect, rows in zip(effects, columns, strict=True) if not rows & worse)
+
+
+def _worse(before: CrossValidator, after: CrossValidator, rises: Sequence[Array]) -> list[int]:
+    """Positions of the joints that a wider model makes worse."""
+    sums = before.base_sse().sum(axis=0), after.base_sse().sum(axis=0)
+    return worse_joints(rises, *sums, before.criteria, rejection(after.fit.determined, before.effective, *sums))
 
 
 def _rise(before: CrossValidator, after: CrossValidator, row: int) -> tuple[Array, Array]:

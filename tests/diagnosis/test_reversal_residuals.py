@@ -9,9 +9,11 @@ from test_diagnosis import NOISE, UR5, healthy, log_of, loose_reversals
 from frischid.diagnosis.change_prior import weak_urdf_prior
 from frischid.diagnosis.cross_validation import CrossValidator
 from frischid.diagnosis.effect_ranking import Ranking
-from frischid.diagnosis.reversal_residuals import only_at_reversals
+from frischid.diagnosis.reversal_residuals import absent_in_motion, only_at_reversals
 from frischid.diagnosis.verdict import StageResults, decided
+from frischid.effects import parse_effects
 from frischid.logs.log import Log
+from frischid.model.identification import identify
 
 FLOOR = np.full(6, NOISE.tau)
 
@@ -45,3 +47,24 @@ def test_an_error_at_reversals_stays_one_when_an_effect_spreads_it_over_the_moti
     results = StageResults(bare, "always", FLOOR, FLOOR, (), (), Ranking([], spread, spread), None)
     assert decided(results) == "none"
     assert decided(replace(results, validator=spread)) == "unknown"
+
+
+def late(log: Log, what: str, row: int = 4) -> Log:
+    """The same log, on which the torque of a joint is 10 ms late: all of it, or only its dry friction."""
+    tau = np.array(log.tau)
+    if what == "torque":
+        tau[1:, row] = log.tau[:-1, row]
+    else:
+        side = np.sign(np.gradient(log.q[:, row], log.t))
+        tau[1:, row] += 2.0 * (side[:-1] - side[1:])
+    return Log(log.t, log.joints, log.q, tau=tau, source=f"{log.source}, late {what}")
+
+
+@pytest.mark.parametrize(("what", "row"), [("torque", 4), ("friction", 2)])
+def test_a_delay_that_only_reversals_show_is_not_there_in_motion(what, row):
+    """Friction with bristles shorter than the encoder's step was called a delay of one joint, with 98 %."""
+    logs = [late(log_of(s), what, row) for s in (1, 2)]
+    model = identify(UR5, logs, recursion="none").model
+    validator = CrossValidator.of(model, logs, weak_urdf_prior(model))
+    (delay,) = validator.candidates(parse_effects(f"time_delay@{UR5.joints[row]}"))
+    assert absent_in_motion(validator, delay, [row]) == (what == "friction")

@@ -357,6 +357,17 @@ def test_an_effect_has_no_share_of_a_negligible_error(share, negligible, words):
     assert ("is negligible" in finding.withheld) == negligible
 
 
+@pytest.mark.parametrize("absent", [False, True])
+def test_what_explains_an_error_at_reversals_is_a_cause_only_if_the_motion_shows_it(absent):
+    one = Finding("time_delay", ("joint3",), 0.04, 0.02, 50.0, 2e-3, 0.9, 0.0, 0.0, 0.0, 1e-6, {}, (), "", ())
+    one = replace(one, absent_in_motion=absent)
+    assert one.sure
+    assert one.significant != absent
+    assert one.pays != absent
+    assert bool(possible([one])) != absent
+    assert ("the motion shows less than half of the effect" in one.refused) == absent
+
+
 @pytest.mark.parametrize(("by_noise", "cause"), [(0.0, True), (1e-3, True), (2e-3, False), (3e-3, False)])
 def test_an_effect_that_explains_no_more_than_on_the_healthy_twin_is_no_cause(by_noise, cause):
     """A healthy SCARA had an asymmetric friction with 99 %, and its twin had as much of it."""

@@ -10,8 +10,10 @@ from scipy import stats
 from frischid.diagnosis import improvement, step_acceptance
 from frischid.diagnosis.block_test import p_value_of
 from frischid.diagnosis.criteria import DiagnosisCriteria
+from frischid.diagnosis.findings import Finding
 from frischid.diagnosis.situation import cross_validator
 from frischid.diagnosis.step_acceptance import (
+    harmless,
     p_value_of_fall,
     reason_against,
     rejection,
@@ -116,6 +118,38 @@ def test_a_joint_that_becomes_worse_is_named():
     noise = 0.01 * np.random.default_rng(1).normal(size=(2, 300))
     reason = reason_against(Validator(residuals([10.0, 1.0]), residuals([9.0, 1.1]) + noise), ["effect"])
     assert reason.startswith("joint2 (error × 1.1")
+
+
+def test_the_places_of_an_effect_that_harm_no_joint_are_told_from_the_others():
+    noise, places = (
+        0.01 * np.random.default_rng(1).normal(size=(2, 300)),
+        [SimpleNamespace(columns={k: None}) for k in (0, 1)],
+    )
+    worse = Validator(residuals([10.0, 1.0]), residuals([2.0, 1.1]) + noise)
+    assert harmless(worse, places) == (places[0],)
+    better = Validator(residuals([10.0, 1.0]), residuals([2.0, 0.9]) + noise)
+    assert harmless(better, places) == tuple(places)
+
+
+def test_an_effect_is_added_where_it_harms_nothing(monkeypatch):
+    """A hysteresis of six joints was refused as a whole, because one log of two spoke against one of them."""
+    spring = parse_effects("joint_spring@joint1,joint_spring@joint2")
+    robot = Robot.load("planar2")
+    finding = Finding("joint_spring", robot.joints, 0.1, 0.01, 50.0, 1e-2, 0.9, 9.0, 9.0, 0.0, 1e-9, {}, (), "", spring)
+    tried = []
+
+    def step(model, diagnosis, finding, members, logs):
+        tried.append((finding.joints, members))
+        return ("the step", "") if len(members) == 1 else (None, "joint2 (error × 6) would become worse")
+
+    monkeypatch.setattr(improvement, "_step_with", step)
+    monkeypatch.setattr(improvement, "harmless", lambda validator, members: members[:1])
+    refused = {}
+    found = improvement.next_step(
+        SimpleNamespace(robot=robot), SimpleNamespace(findings=[finding], validator=None), [], refused
+    )
+    assert (found, refused) == ("the step", {})
+    assert tried == [(robot.joints, spring), (("joint1",), spring[:1])]
 
 
 def test_the_fall_of_one_noisy_joint_does_not_pay_for_the_others():

@@ -149,6 +149,7 @@ class FindingOutput(Output):
     withheld: str
     elsewhere: list[str]
     negligible: bool
+    absent_in_motion: bool
     members: list[str]
 
 
