@@ -34,6 +34,8 @@ QUARTIC = 4
 LONGEST_FILTER = 10_000_000  # samples: 80 MB, nearly three hours at 1 kHz
 STOP_BAND = 60.0
 """Attenuation of the low-pass in its stop band, dB."""
+HIGHEST_CUTOFF = 0.4
+"""Share of the sampling rate from which a cut-off filters nothing: below half the rate, no room is left to filter."""
 BLOCK_OF_TAPS = 8  # length of a block over that of a filter: a block costs N log N, and begins with K − 1 lost outputs
 
 
@@ -44,8 +46,8 @@ class LowPass:
     Attributes
     ----------
     cutoff : float or None
-        Frequency of half amplitude, Hz; None: nothing is filtered. Samples at a rate of 2.5 times the cut-off or less
-        are not filtered either.
+        Frequency of half amplitude, Hz; None: nothing is filtered. Nor are samples for whose rate the cut-off is too
+        high (`HIGHEST_CUTOFF`).
     reason : str
         Reason for this cut-off.
     torque_lag : float
@@ -97,7 +99,7 @@ class LowPass:
 
     def taps(self, step: float) -> Array:
         """Symmetric impulse response for samples `step` seconds apart, of odd length and sum 1."""
-        if self.cutoff is None or self.cutoff >= 0.4 / step:
+        if self.cutoff is None or self.cutoff >= HIGHEST_CUTOFF / step:
             return np.ones(1)
         width = min(self.cutoff, 0.5 / step - self.cutoff) * 2 * step  # of the transition, as a share of Nyquist's
         length = int(np.ceil((STOP_BAND - 7.95) / (2.285 * np.pi * width) + 1))  # Kaiser's formula

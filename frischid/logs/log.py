@@ -120,10 +120,11 @@ class Log:
         if self.sha256 is not None:
             return self.sha256
         digest = hashlib.sha256(repr(self.joints).encode())
-        measured = (getattr(self, channel) for channel in MEASURED_CHANNELS)
-        commanded = (x for channel in COMMANDED_CHANNELS if (x := getattr(self, channel)) is not None)
-        for x in (self.t, *measured, *commanded, *self.extra.values()):
+        for x in (self.t, *(getattr(self, channel) for channel in MEASURED_CHANNELS)):
             digest.update(b"-" if x is None else np.ascontiguousarray(x).tobytes())
+        commanded = {channel: x for channel in COMMANDED_CHANNELS if (x := getattr(self, channel)) is not None}
+        for name, x in {**commanded, **self.extra}.items():
+            digest.update(repr(name).encode() + np.ascontiguousarray(x).tobytes())
         return digest.hexdigest()
 
     def __post_init__(self) -> None:

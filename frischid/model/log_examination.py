@@ -22,7 +22,7 @@ from frischid.logs.controller import PDController
 from frischid.logs.current_gains import CurrentGains
 from frischid.logs.cutoff_choice import choose_lowpass
 from frischid.logs.driven import driven
-from frischid.logs.filters import LowPass
+from frischid.logs.filters import HIGHEST_CUTOFF, LowPass
 from frischid.logs.given import Logs, as_logs
 from frischid.logs.locked_joints import LockedMotion, lock_there, places_of, remedy, spans_of
 from frischid.logs.log import Log
@@ -242,8 +242,9 @@ def check_cutoff(cutoff: Cutoff, logs: Sequence[Data]) -> None:
     if not isinstance(cutoff, int | float):
         return
     for log in map(preview_of, logs):
-        if cutoff >= log.rate / 2 * (1 - 1e-6):
+        if cutoff >= HIGHEST_CUTOFF * log.rate * (1 - 1e-6):
             raise InputError(
-                f"{log.source}: a cut-off of {cutoff:g} Hz is not below half its rate of {log.rate:.4g} Hz; take "
-                f"at most {0.2 * log.rate:.3g} Hz, or --cutoff none (None) to filter nothing"
+                f"{log.source}: a cut-off of {cutoff:g} Hz is not below {HIGHEST_CUTOFF:g} times its rate of "
+                f"{log.rate:.4g} Hz, so it would filter nothing; take at most {0.2 * log.rate:.3g} Hz, or "
+                "--cutoff none (None) to filter nothing on purpose"
             )

@@ -414,9 +414,10 @@ def test_identify_refuses_to_hold_out_what_it_fitted():
         identify(robot, [log], valid=[replace(log, source="copy")], recursion="none")
 
 
-def test_a_cutoff_above_half_the_rate_is_refused():
-    with pytest.raises(InputError, match="cut-off of 50 Hz is not below half its rate of 100 Hz"):
-        identify(machine("planar2"), [clean("planar2")], cutoff=50.0)
+@pytest.mark.parametrize("cutoff", [40.0, 50.0])
+def test_a_cutoff_that_would_filter_nothing_is_refused(cutoff):
+    with pytest.raises(InputError, match=f"cut-off of {cutoff:g} Hz is not below 0.4 times its rate of 100 Hz"):
+        identify(machine("planar2"), [clean("planar2")], cutoff=cutoff)
 
 
 # ---------------------------------------------------------------------- real logs: what their cards say

@@ -103,6 +103,11 @@ def test_two_parts_of_a_log_are_two_logs(sha256):
     check_logs([log.slice(stop=20), log.slice(20, 40)], [log.slice(40)])
 
 
+def test_logs_with_the_same_numbers_in_other_channels_are_two_logs():
+    same = [make(qcmd=Q), make(vcmd=Q), make(extra={"temperature_elbow": T}), make(extra={"temperature_wrist": T})]
+    assert len({log.identity for log in same}) == 4
+
+
 def test_duration_rate_repr():
     log = make()
     assert log.duration == pytest.approx(0.49)
