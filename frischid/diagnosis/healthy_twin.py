@@ -48,7 +48,7 @@ from frischid.model.noisy_motion import SensorNoise, sharpened, true_path
 from frischid.regression.regressor import Regressor
 
 DRAWS = 3  # of the noise: the bias of a fit to noisy columns varies from draw to draw
-CORRECTIONS = 4  # steps from the model to the twin, at most
+TWIN_STEPS = 4  # steps from the model to the twin, at most
 
 
 @dataclass(frozen=True, eq=False)
@@ -71,7 +71,7 @@ class HealthyTwin:
         first = record(0)
         bias = first.theta - theta
         biased = bias @ first.fit.information @ bias > special.chdtri(len(bias), criteria.significance)
-        for _ in range(CORRECTIONS if biased else 0):
+        for _ in range(TWIN_STEPS if biased else 0):
             before, theta = error_of(first), theta + self.fit.theta - first.theta
             record = self._records(replace(model, estimate=replace(model.estimate, theta=theta)))
             first = record(0)

@@ -165,5 +165,5 @@ def test_the_twin_has_the_inertia_that_noise_has_taken_from_the_model(monkeypatc
     v, _ = cross_validator(identify(ARM, logs, recursion="none", cutoff=20.0).model, logs)
     error = error_of(v)
     np.testing.assert_allclose(HealthyTwin(v).error, error, rtol=0.15)
-    monkeypatch.setattr("frischid.diagnosis.healthy_twin.CORRECTIONS", 0)
+    monkeypatch.setattr("frischid.diagnosis.healthy_twin.TWIN_STEPS", 0)
     assert (HealthyTwin(v).error < 0.8 * error).any()

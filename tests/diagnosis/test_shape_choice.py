@@ -101,6 +101,6 @@ def test_the_option_of_joints_is_for_every_effect_that_is_named(tmp_path):
     words = ["add", f"{tmp_path}/model.json", "quadratic_viscous, cubic_viscous", f"{tmp_path}/log.csv"]
     done = CliRunner().invoke(main, [*words, "--joints", "joint2", "-o", f"{tmp_path}/new.json", "--json"])
     assert done.exit_code in (0, 1), done.output
-    assert json.loads(done.stdout)["effect"] == "quadratic_viscous@joint2"
+    assert json.loads(done.stdout)["effect"] == "quadratic_viscous@joint2, cubic_viscous@joint2"
     added = fr.Model.load(tmp_path / "new.json").effects[-2:]
     assert [e.joints for e in added] == [("joint2",), ("joint2",)]

@@ -90,7 +90,7 @@ def test_several_logs_are_one_comparison():
     logs = [log_of(2), log_of(3)]
     both, apart = compare(model(), logs), [compare(model(), [log]) for log in logs]
     assert both.samples == sum(x.samples for x in apart)
-    assert both.sources == tuple(log.source for log in logs)
+    assert both.sources == ("simulated", "simulated (2)")
     for name, fit in both.joints.items():
         squares = sum(x.joints[name].rmse ** 2 * x.samples for x in apart)
         assert fit.rmse == pytest.approx(np.sqrt(squares / both.samples))

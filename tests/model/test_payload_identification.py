@@ -89,7 +89,7 @@ def test_logs_of_which_some_are_without_the_body_are_refused():
     """Half of 2 kg, with a bound of a tenth of that, was the answer."""
     own = simulate(UR, random_fourier(UR, 15, seed=1), rate=100, noise=NOISE)
     assert bare().made_from(own)
-    with pytest.raises(InputError, match=r"was fitted to simulated, and all logs .* same body; leave it out"):
+    with pytest.raises(InputError, match=r"was fitted to simulated \(2\), and all logs .* same body; leave it out"):
         payload(bare(), [loaded(), own])
 
 
