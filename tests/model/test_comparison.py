@@ -87,10 +87,10 @@ def test_a_perfect_model_has_no_error():
 
 
 def test_several_logs_are_one_comparison():
-    logs = [log_of(2), log_of(3)]
+    logs = [replace(log_of(seed), source=f"log {seed}") for seed in (2, 3)]
     both, apart = compare(model(), logs), [compare(model(), [log]) for log in logs]
     assert both.samples == sum(x.samples for x in apart)
-    assert both.sources == ("simulated", "simulated (2)")
+    assert both.sources == tuple(log.source for log in logs)
     for name, fit in both.joints.items():
         squares = sum(x.joints[name].rmse ** 2 * x.samples for x in apart)
         assert fit.rmse == pytest.approx(np.sqrt(squares / both.samples))
