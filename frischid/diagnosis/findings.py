@@ -142,12 +142,13 @@ class Finding:
 
     @property
     def pays(self) -> bool:
-        """Whether the effect may be added to the model: sure, and the error is more than sensor noise.
+        """Whether the effect may be added to the model: sure, and more than what sensor noise explains.
 
-        An effect that explains a small part of the error, or a part that the healthy twin has too, is not called
-        missing, but may still predict other logs better.
+        An effect that explains a small part of the error is not called missing, but may still predict other logs
+        better.
         """
-        return self.sure and (self.floors > self.criteria.floor_tolerance or not self._against(self.floors))
+        above = self.floors > self.criteria.floor_tolerance or not self._against(self.floors)
+        return self.sure and self.more_than_noise and above
 
     @property
     def beyond_twin(self) -> bool:
