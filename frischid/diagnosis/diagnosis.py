@@ -23,6 +23,7 @@ from dataclasses import replace
 import numpy as np
 
 from frischid.core.parallel import Workers
+from frischid.core.text import shortened
 from frischid.diagnosis.contacts import Contact
 from frischid.diagnosis.contacts_at_rest import contacts_at_rest, said_of
 from frischid.diagnosis.criteria import DIAGNOSIS_CRITERIA, DiagnosisCriteria
@@ -56,6 +57,7 @@ from frischid.logs.poses import NOTHING_MOVES, in_motion
 from frischid.logs.recording import Recording, check_logs
 from frischid.model.headline import Headline, headline
 from frischid.model.model import Model
+from frischid.model.model_argument import check_model
 from frischid.model.standstill_joints import standstill_note
 
 
@@ -126,10 +128,13 @@ def diagnose(
     >>> found.headline.nrmse == fr.compare(model, logs[1:]).nrmse
     True
     """
+    check_model(model)
     logs, valid = as_logs(logs, model.robot.joints, mapping), as_logs(valid, model.robot.joints, mapping, "valid")
     if not logs:
         raise InputError("there is no log to diagnose; give at least one")
     for name in effects or ():
+        if not isinstance(name, str):
+            raise InputError(f"effects to try must be names such as 'joint_spring', got {shortened(name)}")
         kind, at, _ = name.partition("@")
         if at and kind in EFFECTS:
             raise InputError(f"write {kind} instead of {name}: effects are tried at every joint")

@@ -16,6 +16,7 @@ from typing import Any
 
 import numpy as np
 
+from frischid.core.arguments import check_number
 from frischid.core.files import write_text
 from frischid.core.named_sequence import NamedSequence
 from frischid.core.shown import Shown
@@ -194,6 +195,7 @@ class Model(Shown):
         InputError
             The interval is not between 0 and 1.
         """
+        check_number("interval", interval)
         if not 0 < interval < 1:
             raise InputError(f"the interval is a share of the measurements between 0 and 1, got {interval}")
         Y, q, v, a = self._columns(q, v, a, t)

@@ -29,6 +29,7 @@ from frischid.model.headline import Headline, headline
 from frischid.model.identification_criteria import IdentificationCriteria
 from frischid.model.log_quality import Quality, quality
 from frischid.model.model import Model
+from frischid.model.model_argument import check_model
 from frischid.model.prediction import Prediction, predict
 from frischid.regression.base_parameters import Reduction
 from frischid.regression.regressor import Regressor, nominal_parameters
@@ -213,9 +214,10 @@ def study(
     if not logs:
         raise InputError("there is no log to report on; give at least one")
     named = models if isinstance(models, Mapping) else {"model": models}
+    if not named:
+        raise InputError("there is no model to report on; give at least one")
     for model in named.values():
-        if not isinstance(model, Model):
-            raise InputError(f"model must be a Model, got {type(model).__name__}: frischid.Model.load(path)")
+        check_model(model)
         model.check(logs)
     model = next(iter(named.values()))
     progress("comparing (stage 1 of 5)")
