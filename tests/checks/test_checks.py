@@ -217,6 +217,9 @@ def test_gaps_and_true_jitter():
     (report,) = check(robot, [Log(t, log.joints, q, v=v, tau=tau)])
     assert report.issues == ()
     assert report.facts["stamps_follow"] == pytest.approx(1.0, abs=0.05)
+    even = check(robot, [log])[0].joints
+    for name, figures in report.joints.items():  # a moving position is no noise
+        assert figures["noise_q"] < 2 * max(even[name]["noise_q"], 1e-5)
 
 
 def test_a_motion_that_comes_again_is_a_fact():
