@@ -176,7 +176,8 @@ class Model(Shown):
     ) -> tuple[Array, Array, Array]:
         """Torque of the fitted joints, with the interval in which a measurement is to be expected.
 
-        The half width is `frischid.model.fit_record.half_width`.
+        The interval is for joints that move and for measurements behind the filter of the fit (`lowpass`): torques
+        that are not low-passed have more noise. The half width is `frischid.model.fit_record.half_width`.
 
         Parameters
         ----------
@@ -257,7 +258,8 @@ class Model(Shown):
         """
         if self.standard is None:
             raise InputError(
-                "this model has base parameters only; find links with `frischid consistent` (frischid.make_consistent)"
+                "this model has base parameters only, which model.to_frame() lists; find links with `frischid "
+                "consistent` (frischid.make_consistent)"
             )
         if name not in self.standard:
             raise UnknownNameError("parameter", name, self.standard)
