@@ -222,6 +222,17 @@ def test_gaps_and_true_jitter():
         assert figures["noise_q"] < 2 * max(even[name]["noise_q"], 1e-5)
 
 
+def test_a_printed_report_is_its_issues_with_their_remedies():
+    """In a notebook, the list of reports had been pages of numbers."""
+    log = clean("planar2")
+    good, bad = check(machine("planar2"), [log, replace(log, tau=-log.tau, source="turned")])
+    assert str(good) == f"{log.source}: nothing suspicious in the log"
+    assert repr(good) == f"LogReport('{log.source}': no issue)"
+    assert repr(bad) == "LogReport('turned': torque sign)"
+    name, issue, remedy = str(bad).splitlines()
+    assert (name, issue.strip(), remedy.strip()) == ("turned:", bad.issues[0].short, f"→ {bad.issues[0].advice}")
+
+
 def test_a_motion_that_comes_again_is_a_fact():
     robot, log = machine("ur10"), clean("ur10")
     assert "comes_again_after" not in check(robot, [log])[0].facts
