@@ -83,6 +83,10 @@ OTHERS = {
     "options must be of the type OutputErrorOptions": lambda: fr.output_error(
         found().model, [LOG], options={"horizon": 0.5}
     ),
+    "workers must be of the type Workers, got 2": lambda: fr.diagnose(found().model, [LOG], workers=2),
+    r"truth must hold the \d+ base parameters, got the shape \(2,\)": lambda: fr.report(
+        found().model, [LOG], "report.html", truth=[1.0, 2.0]
+    ),
     "there is no model to report on": lambda: fr.report({}, [LOG], "report.html"),
     r"the box of joint1 must be two corners of three numbers in m, got \[\[0, 0, 0\]\]": lambda: fr.make_consistent(
         found().model, boxes={"joint1": [[0, 0, 0]]}

@@ -22,6 +22,7 @@ from dataclasses import replace
 
 import numpy as np
 
+from frischid.core.arguments import check_kind
 from frischid.core.parallel import Workers
 from frischid.core.text import shortened
 from frischid.diagnosis.contacts import Contact
@@ -140,6 +141,8 @@ def diagnose(
             raise InputError(f"write {kind} instead of {name}: effects are tried at every joint")
         if name not in EFFECTS:
             raise UnknownNameError("effect", name, EFFECTS)
+    if workers is not None:
+        check_kind("workers", workers, Workers, "with frischid.core.parallel.workers(count=2) as workers")
     check_situation(situation)
     check_logs(logs, valid)
     model.check([*logs, *valid])

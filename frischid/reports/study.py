@@ -220,6 +220,8 @@ def study(
         check_model(model)
         model.check(logs)
     model = next(iter(named.values()))
+    if truth is not None and np.shape(truth) != (len(model.base),):
+        raise InputError(f"truth must hold the {len(model.base)} base parameters, got the shape {np.shape(truth)}")
     progress("comparing (stage 1 of 5)")
     recorded = sorted(logs, key=model.made_from)
     logs = driven(logs, model.controller, model.currents)
