@@ -308,6 +308,7 @@ def test_every_criterion_has_its_reason():
 def test_a_torque_that_runs_ahead_is_not_called_late():
     log = clean("ur10")
     early = kinds(machine("ur10"), replace(log, tau=delayed(log, log.tau, -0.05)))["early torque"]
+    assert early.advice.startswith("joints that stick at reversals look the same")
     assert "runs ahead of the motion by 50." in early.what
 
 
