@@ -1,5 +1,6 @@
 """Logs in which joints rest, through check, identify, compare and diagnose: what each kind can and cannot say."""
 
+from dataclasses import replace
 from functools import cache
 
 import numpy as np
@@ -221,6 +222,13 @@ def test_a_push_against_a_still_arm_is_a_contact():
 def test_a_still_arm_without_a_push_is_no_contact():
     assert kinds(pushed(torque=0.0)) == ["standstill"]
     assert fr.diagnose(of_motion().model, [pushed(torque=0.0)]).verdict == "none"
+
+
+def test_a_torque_that_builds_up_until_the_log_ends_is_no_push():
+    """The log ends between the command of the next motion and the moment at which dry friction breaks away."""
+    log = pushed(torque=0.0)
+    more = 3.0 * np.clip((log.t - log.t[-1] + 0.4) / 0.4, 0, 1)
+    assert kinds(replace(log, tau=log.tau + more[:, None])) == ["standstill"]
 
 
 def test_a_push_is_no_log_to_fit_or_to_compare():

@@ -10,6 +10,7 @@ from frischid.checks.log_issue import Notebook, span
 from frischid.core.types import Array
 from frischid.logs.filters import noise_level
 from frischid.logs.log import DEAD_TORQUE, STANDSTILL_SPAN, Log
+from frischid.logs.time_grid import retimed
 
 
 def check_channels(log: Log, notes: Notebook, *, figures: bool = True, still: bool = False) -> None:
@@ -18,12 +19,13 @@ def check_channels(log: Log, notes: Notebook, *, figures: bool = True, still: bo
     Where the whole arm stands `still`, its torque takes few values, and `check_standing` says that it does not move.
     """
     moving = np.ptp(log.q, axis=0) >= STANDSTILL_SPAN
+    t = retimed(log).t  # with another clock, a joint that moves would seem noisy
     notes.facts["channels"] = [c for c in ("v", "a", "tau", "current") if log.has(c).any()]
     for channel in ("q", "v", "tau", "current") if figures else ():
         values, present = getattr(log, channel), log.has(channel)
         if values is None:
             continue
-        noise = np.where(present, noise_level(np.nan_to_num(values)), np.nan)
+        noise = np.where(present, noise_level(np.nan_to_num(values), t), np.nan)
         notes.per_joint(f"noise_{channel}", noise)
         quanta = np.array(
             [quantum(x, notes.criteria) if yes else np.nan for x, yes in zip(values.T, present, strict=True)]

@@ -177,6 +177,8 @@ def _removed(left: Array) -> float:
 
 
 def _late(notes: Notebook, by: str, sign: float, gone: float, where: tuple[str, ...], sure: str) -> None:
+    sticks = "joints that stick at reversals look the same: where identify notes that the joints differ, nothing; "
+    first = "" if sign > 0 else f"{sticks}otherwise, "
     notes.add(
         "late torque" if sign > 0 else "early torque",
         f"the torque {'lags the motion' if sign > 0 else 'runs ahead of the motion'} by {by.lstrip('-')}: "
@@ -187,8 +189,8 @@ def _late(notes: Notebook, by: str, sign: float, gone: float, where: tuple[str, 
         "dry friction that follows a reversal late and an elastic gear look the same: identify, then frischid "
         "diagnose; or a channel of these joints has another filter or clock"
         if where
-        else "up to 1.5 samples, nothing: identify takes that back; beyond, record both with one clock and one filter, "
-        "shift the columns, or add time_delay (frischid effects time_delay)",
+        else f"{first}up to 1.5 samples, nothing: identify takes that back; beyond, record both with one clock and "
+        "one filter, shift the columns, or add time_delay (frischid effects time_delay)",
     )
 
 

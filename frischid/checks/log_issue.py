@@ -59,9 +59,9 @@ class LogIssue:
         return {**vars(self), "where": list(self.where)}
 
 
-@dataclass(frozen=True)
+@dataclass(frozen=True, repr=False)
 class LogReport:
-    """Result of `frischid.checks.inspect`: the issues and figures of one log.
+    """Result of `frischid.checks.inspect`: the issues and figures of one log. Printed, it lists the issues.
 
     Attributes
     ----------
@@ -85,6 +85,15 @@ class LogReport:
     issues: tuple[LogIssue, ...]
     criteria: CheckCriteria = DEFAULT_CRITERIA
     fix: tuple[Fix, ...] = ()
+
+    def __repr__(self) -> str:
+        kinds = ", ".join(issue.kind for issue in self.issues) or "no issue"
+        return f"LogReport({self.source!r}: {kinds})"
+
+    def __str__(self) -> str:
+        """The log, and each issue with its remedy."""
+        lines = [line for issue in self.issues for line in (f"  {issue.short}", f"    → {issue.advice}")]
+        return "\n".join([f"{self.source}:" if lines else f"{self.source}: nothing suspicious in the log", *lines])
 
     @property
     def blocked(self) -> bool:

@@ -6,8 +6,8 @@ the robust standard deviation of joint j's torque in the pose (from the median a
 
     z_j(t) = mean of ((τ_j − median τ_j) / u_j)² over 0.25 s around t
 
-exceeds 30 in a push. A torque that is still settling when the pose begins, or that builds up until the arm moves again,
-is no push.
+exceeds 30 in a push. A torque that is still settling when the pose begins, or that builds up until the arm moves again
+or until the log ends, is no push.
 
 Source: Rousseeuw and Leroy 1987, Robust Regression and Outlier Detection, Wiley.
 """
@@ -104,7 +104,8 @@ def _of_pose(log: Log, part: slice, criteria: CheckCriteria) -> list[Push]:
     for (where,) in ndimage.find_objects(labels, count):
         settles = t[where.start] - t[0] < criteria.settling_seconds
         breaks_away = part.stop < len(log) and t[-1] - t[where.stop - 1] < criteria.settling_seconds
-        if settles or breaks_away or z[where].max() < criteria.push_energy:
+        stays = where.stop == len(t)  # at the end of the log: what builds up there may break the joint away
+        if settles or breaks_away or stays or z[where].max() < criteria.push_energy:
             continue
         felt = np.flatnonzero(z[where].max(axis=0) > criteria.push_edge)
         names = tuple(log.joints[j] for j in felt)

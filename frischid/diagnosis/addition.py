@@ -32,6 +32,7 @@ from frischid.model.comparison import compare
 from frischid.model.headline import Headline
 from frischid.model.log_requirements import check_effects_act
 from frischid.model.model import Model
+from frischid.model.model_argument import check_model
 from frischid.model.own_logs import fitted_entry, log_entry
 
 
@@ -95,6 +96,7 @@ def add(
     >>> step.measured_on
     'cross-validated on the fitted logs'
     """
+    check_model(model)
     logs, valid = as_logs(logs, model.robot.joints, mapping), as_logs(valid, model.robot.joints, mapping, "valid")
     check_logs(logs, valid)
     model.check([*logs, *valid])

@@ -22,7 +22,9 @@ from dataclasses import replace
 
 import numpy as np
 
+from frischid.core.arguments import check_kind
 from frischid.core.parallel import Workers
+from frischid.core.text import shortened
 from frischid.diagnosis.contacts import Contact
 from frischid.diagnosis.contacts_at_rest import contacts_at_rest, said_of
 from frischid.diagnosis.criteria import DIAGNOSIS_CRITERIA, DiagnosisCriteria
@@ -56,6 +58,7 @@ from frischid.logs.poses import NOTHING_MOVES, in_motion
 from frischid.logs.recording import Recording, check_logs
 from frischid.model.headline import Headline, headline
 from frischid.model.model import Model
+from frischid.model.model_argument import check_model
 from frischid.model.standstill_joints import standstill_note
 
 
@@ -126,15 +129,20 @@ def diagnose(
     >>> found.headline.nrmse == fr.compare(model, logs[1:]).nrmse
     True
     """
+    check_model(model)
     logs, valid = as_logs(logs, model.robot.joints, mapping), as_logs(valid, model.robot.joints, mapping, "valid")
     if not logs:
         raise InputError("there is no log to diagnose; give at least one")
     for name in effects or ():
+        if not isinstance(name, str):
+            raise InputError(f"effects to try must be names such as 'joint_spring', got {shortened(name)}")
         kind, at, _ = name.partition("@")
         if at and kind in EFFECTS:
             raise InputError(f"write {kind} instead of {name}: effects are tried at every joint")
         if name not in EFFECTS:
             raise UnknownNameError("effect", name, EFFECTS)
+    if workers is not None:
+        check_kind("workers", workers, Workers, "with frischid.core.parallel.workers(count=2) as workers")
     check_situation(situation)
     check_logs(logs, valid)
     model.check([*logs, *valid])

@@ -18,6 +18,7 @@ from __future__ import annotations
 from collections.abc import Callable, Sequence
 from dataclasses import replace
 
+from frischid.core.arguments import check_number
 from frischid.diagnosis.addition import fitted_step, tested
 from frischid.diagnosis.criteria import DIAGNOSIS_CRITERIA, DiagnosisCriteria
 from frischid.diagnosis.diagnosis import diagnose
@@ -35,6 +36,7 @@ from frischid.logs.mapping import MappingLike
 from frischid.logs.recording import Recording, check_logs
 from frischid.model.headline import headline
 from frischid.model.model import Model
+from frischid.model.model_argument import check_model
 
 
 def improve(
@@ -110,7 +112,9 @@ def improve(
     >>> len(steps), last.verdict
     (0, 'none')
     """
+    check_model(model)
     logs, valid = as_logs(logs, model.robot.joints, mapping), as_logs(valid, model.robot.joints, mapping, "valid")
+    check_number("max_steps", max_steps)
     steps: list[Step] = []
     refused: dict[str, Refusal] = {}
     if not logs:

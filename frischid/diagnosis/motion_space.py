@@ -37,6 +37,7 @@ from frischid.logs.mapping import MappingLike
 from frischid.logs.poses import need_motion
 from frischid.logs.recording import Recording
 from frischid.model.model import Model
+from frischid.model.model_argument import check_model
 
 HORIZON = 1.0
 """s. Length of a simulated stretch by default: an arm of a metre swings once."""
@@ -181,6 +182,7 @@ def simulate_findings(
     >>> found.diagnosis.verdict, max(found.joints.values()) < 0.05
     ('none', True)
     """
+    check_model(model)
     logs, valid = as_logs(logs, model.robot.joints, mapping), as_logs(valid, model.robot.joints, mapping, "valid")
     options = OutputErrorOptions(horizon=horizon)
     shown = need_motion(list(valid or logs), model.robot.joints)

@@ -48,6 +48,7 @@ from frischid.logs.recording import Recording, check_logs
 from frischid.model.comparison import compare
 from frischid.model.headline import headline
 from frischid.model.model import Model
+from frischid.model.model_argument import check_model
 from frischid.model.own_logs import own_logs
 
 _TOUCHED = (
@@ -315,6 +316,7 @@ def diagnose_in_roles(
     >>> found.verdict, found.headline.measured
     ('none', 'test')
     """
+    check_model(model)
     logs, valid = as_logs(logs, model.robot.joints, mapping), as_logs(valid, model.robot.joints, mapping, "valid")
     if not logs:
         raise InputError("there is no log to diagnose; give at least one")

@@ -13,6 +13,7 @@ from typing import Any
 
 import numpy as np
 
+from frischid.core.text import shortened
 from frischid.core.types import Array
 from frischid.effects import columns_of
 from frischid.errors import InputError, UnknownNameError
@@ -20,6 +21,7 @@ from frischid.estimators.nominal_links import Links
 from frischid.estimators.physical_links import Active, Consistent, Extras, consistent
 from frischid.model.headline import alarms_of_fit
 from frischid.model.model import Model
+from frischid.model.model_argument import check_model
 from frischid.model.physical_alarms import of_physical
 from frischid.motions.collision import body_boxes
 from frischid.regression.base_parameters import Reduction
@@ -109,6 +111,7 @@ def make_consistent(model: Model, *, boxes: Mapping[str, Box] | None = None, sha
     >>> found.result.feasible, sorted(found.model.standard)[:3]
     (True, ['Ia1', 'Ia2', 'Ixx1'])
     """
+    check_model(model)
     robot, regressor = model.robot, Regressor(model.robot, model.effects, model.reference)
     mapping = _structure(model, regressor)
     chosen, notes = _boxes(robot, boxes or {}, shapes)
@@ -295,10 +298,12 @@ def _boxes(
                 )
             else:
                 chosen[name] = box
-    for name, (lower, upper) in given.items():
+    for name, corners in given.items():
         if name not in robot.bodies:
             raise UnknownNameError("joint", name, robot.bodies, robot.source)
-        low, high = np.asarray(lower, dtype=float), np.asarray(upper, dtype=float)
+        if not isinstance(corners, Sequence | np.ndarray) or len(corners) != 2:
+            raise InputError(f"the box of {name} must be two corners of three numbers in m, got {shortened(corners)}")
+        low, high = (np.asarray(corner, dtype=float) for corner in corners)
         if low.shape != (3,) or high.shape != (3,) or not (low < high).all():
             raise InputError(f"the box of {name} must be two corners of three numbers in m, the first below the second")
         chosen[name] = (low, high)

@@ -12,6 +12,7 @@ from dataclasses import dataclass
 
 import numpy as np
 
+from frischid.core.arguments import check_number
 from frischid.core.types import Array
 from frischid.effects import Effect, Payload
 from frischid.effects.dynamics import random_states
@@ -65,6 +66,7 @@ class KnownPayload:
     carrier: str | None = None
 
     def __post_init__(self) -> None:
+        check_number("the payload's mass", self.mass)
         if not 0 < self.mass <= LARGEST_QUANTITY:
             raise InputError(f"the payload's mass must be a positive number of kg, got {self.mass}")
         centre = self.centre

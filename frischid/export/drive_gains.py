@@ -28,6 +28,7 @@ from dataclasses import dataclass, replace
 
 import numpy as np
 
+from frischid.core.arguments import check_kind
 from frischid.core.types import Array
 from frischid.effects import BASELINE, Effect
 from frischid.errors import InputError
@@ -163,6 +164,7 @@ def find_gains(
     >>> found.channel, found.gains.round(3)
     ('current', array([12., 9.]))
     """
+    check_kind("payload", payload, KnownPayload, "frischid.KnownPayload(2.0)")
     if robot.frames != "joint":
         raise InputError("drive gains are found in joint frames; load the robot without --frames")
     unloaded, loaded = (

@@ -23,6 +23,7 @@ from frischid.export.notes import note_on_gravity, notes_of
 from frischid.export.proofread import proofread
 from frischid.export.urdf import difference_of, urdf_source
 from frischid.model.model import Model
+from frischid.model.model_argument import check_model
 from frischid.robot.inertia import is_physical
 
 FORMATS = {".urdf": "URDF", ".xml": "MJCF", ".c": "C", ".py": "NumPy", ".json": "actuators", ".csv": "actuators"}
@@ -133,6 +134,7 @@ def export(
     >>> "void planar2_inverse_dynamics(" in text, done.notes
     (True, ())
     """
+    check_model(model)
     target = Path(path)
     if target.suffix not in FORMATS:
         raise UnknownNameError("export format", target.suffix or target.name, FORMATS)

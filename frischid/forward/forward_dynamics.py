@@ -44,6 +44,7 @@ from frischid.forward.torque_sources import TorqueSource
 from frischid.logs.controller import REST
 from frischid.model.joint_inertia import LeastInertia
 from frischid.model.model import Model
+from frischid.model.model_argument import check_model
 from frischid.model.physical_alarms import eigenvalue_in_words, remedy
 from frischid.robot.mass_matrix import MassMatrices
 from frischid.robot.motion_arrays import motion_of
@@ -121,6 +122,7 @@ class ForwardDynamics:
         extra: Mapping[str, tuple[Array, Array]] | None = None,
         begin: float = 0.0,
     ) -> None:
+        check_model(model)
         robot = model.robot
         if missing := [n for n in robot.joints if n not in model.joints]:
             raise InputError(

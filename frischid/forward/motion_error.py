@@ -19,7 +19,9 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
+from frischid.core.arguments import check_number
 from frischid.core.shown import Shown
+from frischid.core.text import shortened
 from frischid.core.types import Array
 from frischid.errors import InputError
 from frischid.forward.commanded_motion import follows_commands, moved
@@ -32,6 +34,7 @@ from frischid.logs.poses import need_motion
 from frischid.logs.preprocessing import Motion
 from frischid.model.comparison import urdf_parameters
 from frischid.model.model import Model
+from frischid.model.model_argument import check_model
 from frischid.robot.robot import Robot
 from frischid.robot.tip import tip_joint, tip_positions
 
@@ -191,10 +194,15 @@ def compare_simulated(
     >>> found.horizons[0].tip < found.horizons[0].urdf_tip
     True
     """
+    check_model(model)
     logs = as_logs(logs, model.robot.joints, mapping)
     if not logs:
         raise InputError("there is no log to simulate; give at least one")
-    if not horizons or not all(0 < h < math.inf for h in horizons):
+    if not isinstance(horizons, Sequence | np.ndarray):
+        raise InputError(f"horizons must be a list of times in s, got {shortened(horizons)}")
+    for h in horizons:
+        check_number("a horizon", h)
+    if not len(horizons) or not all(0 < h < math.inf for h in horizons):
         raise InputError(f"horizons must be positive times in s, got {list(horizons)}")
     if sources is not None and len(sources) != len(logs):
         raise InputError(f"{len(sources)} sources of torque were given for {len(logs)} logs; give one per log")

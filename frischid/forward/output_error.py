@@ -31,6 +31,7 @@ from typing import Any, NamedTuple
 import numpy as np
 from scipy.optimize import least_squares
 
+from frischid.core.arguments import check_kind
 from frischid.core.shown import Shown
 from frischid.core.types import Array
 from frischid.errors import InputError
@@ -43,6 +44,7 @@ from frischid.logs.given import Logs, as_logs
 from frischid.logs.mapping import MappingLike
 from frischid.logs.poses import need_motion
 from frischid.model.model import Model
+from frischid.model.model_argument import check_model
 from frischid.model.own_logs import log_entry
 from frischid.regression.regressor import Regressor
 from frischid.regression.structure import structure
@@ -155,8 +157,10 @@ def output_error(
     >>> found.ratio <= 1.0
     True
     """
+    check_model(model)
     logs, valid = as_logs(logs, model.robot.joints, mapping), as_logs(valid, model.robot.joints, mapping, "valid")
     options = options or OutputErrorOptions()
+    check_kind("options", options, OutputErrorOptions, "frischid.OutputErrorOptions(horizon=0.5)")
     if not logs:
         raise InputError("there is no log to fit the motion of; give at least one")
     model.check(logs)

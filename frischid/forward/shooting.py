@@ -20,6 +20,7 @@ from typing import NamedTuple
 import numpy as np
 from numpy.typing import NDArray
 
+from frischid.core.arguments import check_number
 from frischid.core.types import Array
 from frischid.errors import InputError
 from frischid.forward.commanded_motion import moved
@@ -74,6 +75,7 @@ class OutputErrorOptions:
 
     def __post_init__(self) -> None:
         for name, value in vars(self).items():
+            check_number(f"{name} of an output error fit", value)
             if not 0 < value < math.inf:
                 raise InputError(f"{name} of an output error fit must be positive and finite, got {value}")
 

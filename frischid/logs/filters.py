@@ -254,23 +254,37 @@ def power_spectrum(x: Array, step: float, window: int) -> tuple[Array, Array]:
     return fft.rfftfreq(window, step), power
 
 
-def noise_level(x: Array) -> Array:
-    """Standard deviation of the white noise on uniformly sampled channels.
+def noise_level(x: Array, t: Array | None = None) -> Array:
+    """Standard deviation of the white noise on sampled channels.
 
     Fourth differences cancel a motion that is smooth over five samples and keep ``Σ c² = 70`` times the noise variance.
-    Jerks and reversals hardly change the median of their absolute values.
+    Jerks and reversals hardly change the median of their absolute values. Of samples at uneven times, these are divided
+    differences, with ``c_i = Π_{j≠i} 1 / (t_i − t_j)``.
 
     Parameters
     ----------
     x : ndarray, shape (N, ...)
+    t : ndarray, shape (N,), optional
+        Times of the samples, s; even ones if not given.
 
     Returns
     -------
     ndarray, shape (...)
     """
-    fourth = np.diff(x, n=QUARTIC, axis=0) / np.sqrt(70.0)
+    fourth = np.diff(x, n=QUARTIC, axis=0) / np.sqrt(70.0) if t is None else _divided_differences(x, t)
     spread = np.median(np.abs(fourth), axis=0) / 0.6745
     # Most differences of a quantised channel at standstill are zero: only the others show its noise. A velocity
     # behind a drive's filter runs out instead, to less than any sensor resolves.
     nothing = np.finfo(float).eps ** 2 * np.max(np.abs(x), axis=0, initial=0.0)
     return np.asarray(np.where(spread > nothing, spread, np.std(fourth, axis=0)))
+
+
+def _divided_differences(x: Array, t: Array) -> Array:
+    """Fourth divided differences with weights of unit norm, (N - 4, ...)."""
+    times = np.lib.stride_tricks.sliding_window_view(t, QUARTIC + 1)
+    apart = (times[:, :, None] - times[:, None, :]) / np.ptp(times, axis=1)[:, None, None] + np.eye(QUARTIC + 1)
+    weights = 1 / apart.prod(axis=2)
+    weights /= np.linalg.norm(weights, axis=1)[:, None]
+    values = np.lib.stride_tricks.sliding_window_view(x, QUARTIC + 1, axis=0)
+    steady = values - values[..., :1]  # of equal samples, the difference is zero exactly
+    return np.asarray(np.einsum("nk,n...k->n...", weights, steady))

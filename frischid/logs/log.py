@@ -128,6 +128,8 @@ class Log:
         return digest.hexdigest()
 
     def __post_init__(self) -> None:
+        if self.q is None or self.t is None:
+            raise InputError(f"{self.source}: a log needs times t and positions q")
         self._put(joints=tuple(self.joints), notes=tuple(self.notes), t=_read_only(self.t))
         self._put(**{channel: _read_only(x) for channel, x in self._channels().items()})
         self._put(extra=MappingProxyType({name: _read_only(x) for name, x in self.extra.items()}))

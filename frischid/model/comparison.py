@@ -33,6 +33,7 @@ from frischid.model.expected_error import ExpectedError
 from frischid.model.joint_fit import JointFit
 from frischid.model.kept_blocks import SAMPLES_KEPT, KeptBlocks
 from frischid.model.model import Model
+from frischid.model.model_argument import check_model
 from frischid.model.noise_floor import NoiseFloor
 from frischid.model.residual_conditions import Residuals
 from frischid.model.standstill_joints import STANDSTILL_LOG, rows_of
@@ -204,6 +205,7 @@ def compare(
     >>> comparison.nrmse < 0.05 < comparison.constant
     True
     """
+    check_model(model)
     logs = as_logs(logs, model.robot.joints, mapping)
     if not logs:
         raise InputError("there is no log to compare the model with; give at least one")

@@ -37,6 +37,7 @@ from frischid.core.types import Array, Column
 from frischid.effects import columns_of
 from frischid.model.damping_sum import DampingSum, damping_sum
 from frischid.model.model import Model
+from frischid.model.model_argument import check_model
 from frischid.robot.robot import Robot
 
 Known = Literal["identified", "roughly", "as a ratio", "in a sum", "open", "given", "assumed"]
@@ -120,6 +121,7 @@ def drive_parameters(model: Model) -> tuple[DriveParameter, ...]:
     >>> [(x.quantity, x.known) for x in fr.drive_parameters(model) if x.joint == "joint1"]
     [('armature', 'in a sum'), ('viscous', 'identified'), ('coulomb', 'identified')]
     """
+    check_model(model)
     values = values_of(model)
     links = dict(zip(model.robot.joints, _links_inertia(model.robot).tolist(), strict=True))
     found: list[DriveParameter] = []

@@ -32,6 +32,7 @@ from frischid.model.comparison import Comparison, compare
 from frischid.model.events import measured_on, selection_errors
 from frischid.model.grade import graded
 from frischid.model.model import Model
+from frischid.model.model_argument import check_model
 
 Measured = Literal["test", "cross-validated", "fitted"]
 
@@ -201,6 +202,7 @@ def headline(
     >>> fr.headline(model).measured
     'cross-validated'
     """
+    check_model(model)
     logs = as_logs(logs, model.robot.joints, mapping)
     test = [log for log in logs if not model.made_from(log)]
     known, alarms = cross_validated(model.history[-1]) if model.history else None, alarms_of_fit(model.history)

@@ -16,6 +16,7 @@ from typing import Any
 
 import numpy as np
 
+from frischid.core.arguments import check_number
 from frischid.core.files import write_text
 from frischid.core.named_sequence import NamedSequence
 from frischid.core.shown import Shown
@@ -175,7 +176,8 @@ class Model(Shown):
     ) -> tuple[Array, Array, Array]:
         """Torque of the fitted joints, with the interval in which a measurement is to be expected.
 
-        The half width is `frischid.model.fit_record.half_width`.
+        The interval is for joints that move and for measurements behind the filter of the fit (`lowpass`): torques
+        that are not low-passed have more noise. The half width is `frischid.model.fit_record.half_width`.
 
         Parameters
         ----------
@@ -194,6 +196,7 @@ class Model(Shown):
         InputError
             The interval is not between 0 and 1.
         """
+        check_number("interval", interval)
         if not 0 < interval < 1:
             raise InputError(f"the interval is a share of the measurements between 0 and 1, got {interval}")
         Y, q, v, a = self._columns(q, v, a, t)
@@ -255,7 +258,8 @@ class Model(Shown):
         """
         if self.standard is None:
             raise InputError(
-                "this model has base parameters only; find links with `frischid consistent` (frischid.make_consistent)"
+                "this model has base parameters only, which model.to_frame() lists; find links with `frischid "
+                "consistent` (frischid.make_consistent)"
             )
         if name not in self.standard:
             raise UnknownNameError("parameter", name, self.standard)

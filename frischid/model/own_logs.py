@@ -25,6 +25,7 @@ from frischid.logs.readers import read_log
 from frischid.logs.recording import Recording, chunks_of
 from frischid.logs.tables import CSV
 from frischid.model.model import Model
+from frischid.model.model_argument import check_model
 
 LOG_SUFFIXES = (*CSV, ".parquet", ".npz", *BAG_SUFFIXES)
 MOST_REASONS = 3  # logs that were not found and are named
@@ -79,6 +80,7 @@ def own_logs(model: Model, given: tuple[Log | Recording, ...] = ()) -> OwnLogs:
     >>> [len(log) for log in found.logs], found.missing
     ([501], ())
     """
+    check_model(model)
     here = {log.identity for log in given}
     logs: list[Log | Recording] = []
     missing: list[str] = []

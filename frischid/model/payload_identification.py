@@ -31,6 +31,7 @@ from frischid.estimators.precision import precision_of
 from frischid.logs.given import Logs, as_logs
 from frischid.logs.mapping import MappingLike
 from frischid.model.model import Model
+from frischid.model.model_argument import check_model
 from frischid.regression.accumulation import accumulate
 from frischid.regression.moments import Gram, total
 from frischid.regression.regressor import Regressor
@@ -192,6 +193,7 @@ def payload(
     >>> abs(body.mass - 0.5) < body.bound["mass"]
     True
     """
+    check_model(model)
     logs = as_logs(logs, model.robot.joints, mapping)
     robot, name = model.robot, _carrier(model.robot, carrier)
     if any(effect.id == "payload" for effect in model.effects):

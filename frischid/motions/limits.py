@@ -17,6 +17,7 @@ from dataclasses import dataclass, replace
 import numpy as np
 from numpy.typing import NDArray
 
+from frischid.core.arguments import check_number
 from frischid.core.types import Array
 from frischid.errors import InputError
 from frischid.motions.collision import Clearance
@@ -113,6 +114,7 @@ class MotionLimits:
         >>> limits.lower.tolist(), limits.upper.tolist()
         ([-1.5, -1.5], [1.5, 1.5])
         """
+        check_number("the share of the limits that is used", scale)
         if not LEAST_SHARE <= scale <= 1.0:
             raise InputError(f"the share of the limits that is used must lie in [{LEAST_SHARE:g}, 1], got {scale}")
         limits, J = robot.limits, len(robot.joints)

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from frischid.core.arguments import check_number
 from frischid.core.text import shortened
 from frischid.errors import InputError
 
@@ -22,6 +23,8 @@ def check_length(duration: float, seed: int) -> None:
     ------
     InputError
     """
+    check_number("the duration", duration)
+    check_number("the seed", seed)
     if not SHORTEST_MOTION <= duration <= LONGEST_MOTION:
         raise InputError(f"the duration must be {SHORTEST_MOTION:g} to {LONGEST_MOTION:g} s, got {duration:g}")
     if not 0 <= seed <= LARGEST_SEED:
@@ -35,6 +38,7 @@ def check_seed(seed: int) -> None:
     ------
     InputError
     """
+    check_number("the seed", seed)
     if seed < 0:
         raise InputError(f"the seed must be a whole number from 0, got {seed}")
 
@@ -65,6 +69,7 @@ def check_rate(rate: float, duration: float, seed: int = 0) -> None:
     frischid.errors.InputError: the rate must be a positive number up to 5e+05 Hz for 20 s, got -1
     """
     check_seed(seed)
+    check_number("the rate", rate)
     if not (rate > 0 and rate * duration <= LONGEST_SAMPLING):
         most = LONGEST_SAMPLING / duration
         raise InputError(f"the rate must be a positive number up to {most:.3g} Hz for {duration:g} s, got {rate:g}")

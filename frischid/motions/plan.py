@@ -24,10 +24,12 @@ from pathlib import Path
 import numpy as np
 from threadpoolctl import threadpool_limits
 
+from frischid.core.arguments import check_kind
 from frischid.core.parallel import Workers
 from frischid.core.shown import Shown
 from frischid.core.types import Array
 from frischid.effects import BASELINE, Effect
+from frischid.effects.base import check_effects
 from frischid.errors import InputError
 from frischid.logs.log import Log
 from frischid.logs.readers import write_log
@@ -182,6 +184,9 @@ def plan(
     """
     began = time.perf_counter()
     options = options or PlanOptions()
+    check_kind("robot", robot, Robot, "robot=frischid.Robot.load(path or name)")
+    check_kind("options", options, PlanOptions, "options=frischid.PlanOptions(duration=10.0)")
+    check_effects(effects)
     given = options.limits
     limits = given if isinstance(given, MotionLimits) else MotionLimits.of(robot, given)
     options = options.within(limits)

@@ -11,6 +11,7 @@ from dataclasses import dataclass, replace
 
 import numpy as np
 
+from frischid.core.arguments import check_number
 from frischid.core.types import Array
 from frischid.errors import InputError, UnknownNameError
 from frischid.motions.chirps import FASTEST, STEP_SHARES, USUAL, default_windows, highest_frequency
@@ -93,6 +94,8 @@ class PlanOptions:
     def __post_init__(self) -> None:
         for name in ("size", "samples", "budget", "seed", "starts"):
             value = getattr(self, name)
+            if value is not None:
+                check_number(f"{name} of a plan", value)
             if value is not None and value % 1 != 0:
                 raise InputError(f"{name} of a plan must be a whole number, got {value}")
         if self.starts < 1:

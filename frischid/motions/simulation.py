@@ -13,6 +13,8 @@ from dataclasses import dataclass
 
 import numpy as np
 
+from frischid.core.arguments import check_kind, check_number
+from frischid.core.text import shortened
 from frischid.core.types import Array
 from frischid.effects import BASELINE, Effect
 from frischid.errors import InputError, UnknownNameError
@@ -60,6 +62,7 @@ class Noise:
 
     def __post_init__(self) -> None:
         for name, value in vars(self).items():
+            check_number(f"noise {name}", value)
             if not (np.isfinite(value) and value >= 0):
                 raise InputError(f"noise {name} must be zero or a positive number, got {value}")
 
@@ -79,6 +82,7 @@ def parameters_of(robot: Robot, effects: Sequence[Effect], values: Mapping[str, 
     for name, value in (values or {}).items():
         if name not in names:
             raise UnknownNameError("parameter", name, names)
+        check_number(f"the parameter {name}", value)
         if not np.isfinite(value):
             raise InputError(f"the parameter {name} must be a finite number, got {value}")
         theta[names.index(name)] = value
@@ -141,6 +145,11 @@ def simulate(
     >>> bool(np.allclose(log.tau, robot.inverse_dynamics(log.q, log.v, log.a)))
     True
     """
+    check_kind("robot", robot, Robot, "robot=frischid.Robot.load(path or name)")
+    check_kind("noise", noise or Noise(), Noise, "frischid.Noise(q=1e-5, tau=0.01)")
+    if not hasattr(trajectory, "duration"):
+        wanted = "a motion such as frischid.random_fourier(robot, 10.0, seed=1)"
+        raise InputError(f"trajectory must be {wanted}, got {shortened(trajectory)}")
     check_rate(rate, trajectory.duration, seed)
     for channel in channels:
         if channel not in ("v", "a"):

@@ -25,6 +25,7 @@ import numpy as np
 from scipy.interpolate import BPoly, PPoly
 from scipy.interpolate import BSpline as ScipySpline
 
+from frischid.core.arguments import check_kind
 from frischid.core.types import Array
 from frischid.errors import InputError, UnknownNameError
 from frischid.motions.chirps import STEP_SHARES, USUAL, law
@@ -339,6 +340,7 @@ def random_fourier(robot: Robot, duration: float, *, seed: int, harmonics: int =
     >>> bool((np.abs(q) <= 0.7 * robot.limits.upper).all()), bool(np.allclose(v[[0, -1]], 0.0, atol=1e-9))
     (True, True)
     """
+    check_kind("robot", robot, Robot, "robot=frischid.Robot.load(path or name)")
     check_length(duration, seed)
     rng = np.random.default_rng(seed)
     limits, J = robot.limits, len(robot.joints)

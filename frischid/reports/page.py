@@ -87,7 +87,7 @@ def report(
     'Every log here was used to fit the model: its error on new motion may be larger.'
     """
     check_writable(path)
-    first = next(iter(model.values())) if isinstance(model, Mapping) else model
+    first = next(iter(model.values()), None) if isinstance(model, Mapping) else model
     logs = as_logs(logs, first.robot.joints if isinstance(first, Model) else (), mapping)
     found = study(model, logs, diagnosis=diagnosis, situation=situation, truth=truth, progress=progress)
     progress("writing the page (stage 5 of 5)")

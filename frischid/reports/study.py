@@ -29,6 +29,7 @@ from frischid.model.headline import Headline, headline
 from frischid.model.identification_criteria import IdentificationCriteria
 from frischid.model.log_quality import Quality, quality
 from frischid.model.model import Model
+from frischid.model.model_argument import check_model
 from frischid.model.prediction import Prediction, predict
 from frischid.regression.base_parameters import Reduction
 from frischid.regression.regressor import Regressor, nominal_parameters
@@ -213,11 +214,14 @@ def study(
     if not logs:
         raise InputError("there is no log to report on; give at least one")
     named = models if isinstance(models, Mapping) else {"model": models}
+    if not named:
+        raise InputError("there is no model to report on; give at least one")
     for model in named.values():
-        if not isinstance(model, Model):
-            raise InputError(f"model must be a Model, got {type(model).__name__}: frischid.Model.load(path)")
+        check_model(model)
         model.check(logs)
     model = next(iter(named.values()))
+    if truth is not None and np.shape(truth) != (len(model.base),):
+        raise InputError(f"truth must hold the {len(model.base)} base parameters, got the shape {np.shape(truth)}")
     progress("comparing (stage 1 of 5)")
     recorded = sorted(logs, key=model.made_from)
     logs = driven(logs, model.controller, model.currents)

@@ -10,11 +10,13 @@ from __future__ import annotations
 
 import math
 from collections.abc import Mapping, Sequence
+from numbers import Real
 from typing import Any
 
 import numpy as np
 import pinocchio as pin
 
+from frischid.core.text import shortened
 from frischid.core.types import Array
 from frischid.errors import InputError, UnknownNameError
 from frischid.robot.mimics import mimic_rules
@@ -101,12 +103,13 @@ def gravity_in_base(gravity: Sequence[float], base_rpy: Sequence[float] | None) 
     InputError
         `gravity` or `base_rpy` is not three finite numbers.
     """
-    g = np.asarray(gravity, dtype=float)
+    numbers = np.shape(gravity) == (3,) and all(isinstance(x, Real) for x in gravity)
+    g = np.array(gravity if numbers else [], dtype=float)
     if g.shape != (3,) or not np.isfinite(g).all():
-        raise InputError(f"gravity must be three finite numbers in m/s², got {list(gravity)}")
+        raise InputError(f"gravity must be three finite numbers in m/s², got {shortened(gravity)}")
     if base_rpy is not None:
         if np.shape(base_rpy) != (3,) or not np.isfinite(base_rpy).all():
-            raise InputError(f"base_rpy must be three finite numbers in rad, got {list(base_rpy)}")
+            raise InputError(f"base_rpy must be three finite numbers in rad, got {shortened(base_rpy)}")
         g = pin.rpy.rpyToMatrix(np.asarray(base_rpy, dtype=float)).T @ g
     return float(g[0]), float(g[1]), float(g[2])
 

@@ -27,6 +27,7 @@ import numpy as np
 import pinocchio as pin
 from numpy.typing import NDArray
 
+from frischid.core.arguments import check_number
 from frischid.core.types import Array, Column
 from frischid.errors import InputError, UnknownNameError
 from frischid.robot.inertia import parameter_transform
@@ -87,6 +88,8 @@ class Robot:
             if name not in self.all_names:
                 raise UnknownNameError("parameter", name, self.all_names, self.source)
         for what, values in (("gravity", self.gravity), ("lock", self.locked.values()), ("known", self.known.values())):
+            for x in values:
+                check_number(f"{self.source}: {what}", x)
             if not all(abs(x) <= LARGEST_QUANTITY for x in values):
                 raise InputError(f"{self.source}: {what} holds a number above {LARGEST_QUANTITY:g}, or not finite")
         _ = self.model, self.transforms  # errors (no joint to move, an unknown frame) come now, not at the first sample
@@ -139,6 +142,8 @@ class Robot:
         if gravity is None:
             gravity = stated_gravity(tree.attrib["gravity"], source) if "gravity" in tree.attrib else GRAVITY
         angles = dict(lock) if isinstance(lock, Mapping) else dict.fromkeys(lock, math.nan)
+        for name, angle in angles.items():
+            check_number(f"the angle of {name}", angle)
         if joints is not None:
             angles |= {j: angles.get(j, math.nan) for j in whole.joints if j not in joints}
         return cls(

@@ -11,8 +11,10 @@ from __future__ import annotations
 import xml.etree.ElementTree as ET
 from collections.abc import Sequence
 from importlib import metadata
+from os import PathLike
 from pathlib import Path
 
+from frischid.core.text import shortened
 from frischid.errors import InputError, UnknownNameError
 from frischid.robot.mjcf_reading import is_mjcf, urdf_of_mjcf
 from frischid.robot.urdf_numbers import check_numbers
@@ -67,6 +69,8 @@ def read_urdf(robot: str | Path) -> tuple[str, str]:
     UnknownNameError
         There is no robot of that name.
     """
+    if not isinstance(robot, str | PathLike):
+        raise InputError(f"robot must be the path of a URDF or MJCF file, or a name, got {shortened(robot)}")
     text = str(robot)
     path = Path(robot).expanduser()
     names = {} if path.is_file() or text.endswith((".urdf", ".xml", ".xacro")) else robot_names()

@@ -217,6 +217,20 @@ def test_gaps_and_true_jitter():
     (report,) = check(robot, [Log(t, log.joints, q, v=v, tau=tau)])
     assert report.issues == ()
     assert report.facts["stamps_follow"] == pytest.approx(1.0, abs=0.05)
+    even = check(robot, [log])[0].joints
+    for name, figures in report.joints.items():  # a moving position is no noise
+        assert figures["noise_q"] < 2 * max(even[name]["noise_q"], 1e-5)
+
+
+def test_a_printed_report_is_its_issues_with_their_remedies():
+    """In a notebook, the list of reports had been pages of numbers."""
+    log = clean("planar2")
+    good, bad = check(machine("planar2"), [log, replace(log, tau=-log.tau, source="turned")])
+    assert str(good) == f"{log.source}: nothing suspicious in the log"
+    assert repr(good) == f"LogReport('{log.source}': no issue)"
+    assert repr(bad) == "LogReport('turned': torque sign)"
+    name, issue, remedy = str(bad).splitlines()
+    assert (name, issue.strip(), remedy.strip()) == ("turned:", bad.issues[0].short, f"→ {bad.issues[0].advice}")
 
 
 def test_a_motion_that_comes_again_is_a_fact():
@@ -294,6 +308,7 @@ def test_every_criterion_has_its_reason():
 def test_a_torque_that_runs_ahead_is_not_called_late():
     log = clean("ur10")
     early = kinds(machine("ur10"), replace(log, tau=delayed(log, log.tau, -0.05)))["early torque"]
+    assert early.advice.startswith("joints that stick at reversals look the same")
     assert "runs ahead of the motion by 50." in early.what
 
 

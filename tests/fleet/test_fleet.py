@@ -14,6 +14,7 @@ from listening import listening, needs_ss
 
 import frischid as fr
 from frischid.cli import main
+from frischid.cli.pages.fleets import fleet as fleet_page
 from frischid.core.parallel import Dask, Here, workers
 from frischid.core.types import Column
 from frischid.errors import InputError
@@ -435,6 +436,12 @@ def test_the_command_line(folder, tmp_path, alone):
     page = CliRunner().invoke(main, ["fleet", "ur5", pattern, *options[:-1], "--diagnosed", "0"])
     assert page.exit_code == 0, page.output
     assert "1 log skipped" in page.output
+
+
+@pytest.mark.parametrize(("count", "said"), [(6, "and 1 more warning"), (7, "and 2 more warnings")])
+def test_warnings_that_are_not_listed_are_counted(alone, count, said):
+    page = fleet_page(replace(alone, warnings=tuple(f"warning {k}" for k in range(count))), None)
+    assert said in page.parts
 
 
 def test_a_prior_of_another_name_is_refused():

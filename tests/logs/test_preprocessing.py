@@ -62,6 +62,16 @@ def test_noise_level_of_known_noise(sigma):
     assert (noise_level(smooth) < 1e-6).all()
 
 
+@pytest.mark.parametrize("sigma", [1e-6, 1e-3])
+def test_the_noise_of_samples_at_uneven_times_is_not_their_motion(sigma):
+    """With even steps in place of the stamps, a third of a step of jitter at 3 rad/s looks like 5 mrad of noise."""
+    rng = np.random.default_rng(0)
+    t = np.sort(T + rng.uniform(-0.3, 0.3, len(T)) * (T[1] - T[0]))
+    smooth = np.c_[np.sin(3 * t), t**3 / 100, np.zeros_like(t)]
+    np.testing.assert_allclose(noise_level(smooth + sigma * rng.normal(size=smooth.shape), t), sigma, rtol=0.1)
+    assert noise_level(smooth, t)[2] == 0
+
+
 def test_the_noise_of_a_velocity_behind_a_filter_is_not_the_rounding_of_numbers_at_rest():
     """At rest the filter of a drive halves the velocity with every sample, down to 1e-300."""
     moving = np.round(1e3 * np.sin(np.arange(400) / 30)) / 1e3 + 1e-4 * np.random.default_rng(2).normal(size=400)

@@ -137,6 +137,17 @@ def test_names_stay_names(tmp_path):
         save(motion, tmp_path / "m.script")
 
 
+def test_a_home_pose_near_the_end_of_its_range_is_said_to_be_beyond_the_plans_limits(tmp_path):
+    run = ["excite", "planar2", "-o", str(tmp_path / "m.csv"), "--duration", "4", "--budget", "20"]
+    said = {}
+    for pose in ("0,0", "0,2.9"):
+        done = CliRunner().invoke(main, [*run, "--home", pose])
+        assert done.exit_code == 0, done.output
+        said[pose] = " ".join(done.output.split())
+    assert "the ways use the URDF's whole range of joint2" in said["0,2.9"]
+    assert "whole range" not in said["0,0"]
+
+
 def test_the_command_shows_peaks_and_says_what_is_checked(tmp_path):
     out = str(tmp_path / "m.yaml")
     run = ["excite", "planar2", "-o", out, "--duration", "4", "--budget", "20", "--home", "zero", "--rate", "20"]

@@ -41,7 +41,7 @@ def fleet(found: Fleet, output: str | None) -> Page:
         parts += [f"  {escape(s.address)}: {escape(s.reason)}" for s in found.skipped[:MOST]]
         parts += [f"  and {len(found.skipped) - MOST} more"] * (len(found.skipped) > MOST)
     parts += warning_lines(found.warnings[:MOST])
-    parts += [f"and {len(found.warnings) - MOST} more warnings"] * (len(found.warnings) > MOST)
+    parts += [f"and {counted(len(found.warnings) - MOST, 'more warning')}"] * (len(found.warnings) > MOST)
     if output:
         parts.append(f"model of the fleet written to {escape(output)}")
     return Page(_data(found), parts)

@@ -9,7 +9,7 @@ import numpy as np
 from rich.table import Table
 
 from frischid.cli.pages.page import Page, table_of
-from frischid.core.text import counted
+from frischid.core.text import counted, listed
 from frischid.logs.log import Log
 from frischid.model.alarms import Alarm
 from frischid.motions.discrimination import Apart
@@ -52,7 +52,7 @@ def excitation(
         *planned.notes,
         _peaks(motion),
         *_distance(motion),
-        _ways(motion),
+        _ways(planned, motion),
         f"motion of {motion.duration:.4g} s written to {output}",
     ]
     if picture:
@@ -127,9 +127,12 @@ def _nearest(near: Nearest) -> dict[str, Any]:
     return {**vars(near), "distance": near.distance if np.isfinite(near.distance) else None}
 
 
-def _ways(motion: Programme) -> str:
+def _ways(planned: Plan, motion: Programme) -> str:
     if motion.approach:
-        return f"from the home pose to the motion: {motion.approach:.3g} s; back: {motion.back:.3g} s; at rest between"
+        ways = f"from the home pose to the motion: {motion.approach:.3g} s; back: {motion.back:.3g} s; at rest between"
+        kept = not any(v.kind == "position" for v in planned.violations)  # then only a way goes beyond
+        beyond = [p.joint for p in motion.peaks if p.kind == "position" and p.value > p.limit and kept]
+        return f"{ways}; the ways use the URDF's whole range of {listed(beyond)}" if beyond else ways
     first = ", ".join(f"{x:.3g}" for x in motion(np.zeros(1))[0][0])
     return f"the motion begins and ends at rest; move the robot to ({first}) first, or give --home"
 
