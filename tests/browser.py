@@ -103,3 +103,12 @@ def settled(condition, seconds=300.0):
     while not condition():
         assert time.monotonic() < end, "it took too long"
         time.sleep(0.05)
+
+
+def unroll(page):
+    """Open every fold of a report, bring every figure into view, and wait until it is drawn."""
+    page.evaluate("document.querySelectorAll('details').forEach(d => d.open = true)")
+    # A figure above that is drawn in the meantime may push this one out of view again.
+    into_view = "p => { p.scrollIntoView({behavior: 'instant', block: 'center'}); return p.dataset.drawn; }"
+    for plot in page.query_selector_all(".plot"):
+        page.wait_for_function(into_view, arg=plot)

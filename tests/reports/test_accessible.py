@@ -1,7 +1,7 @@
 """The report for everybody: axe-core finds nothing, the keyboard reaches all, on a large and a small screen."""
 
 import pytest
-from browser import needs_browser, opened, reached, violations
+from browser import needs_browser, opened, reached, unroll, violations
 
 from frischid.cli import demo
 from frischid.reports.page import report
@@ -17,14 +17,6 @@ def pages(tmp_path_factory):
     return {name: (folder / f"{name}.html").as_uri() for name in ("before", "after")}
 
 
-def drawn(page):
-    """Open every fold and draw every figure."""
-    page.evaluate("document.querySelectorAll('details').forEach(d => d.open = true)")
-    for plot in page.query_selector_all(".plot"):
-        plot.evaluate("p => p.scrollIntoView({behavior: 'instant', block: 'center'})")
-        page.wait_for_function("p => p.dataset.drawn", arg=plot)
-
-
 @needs_browser
 @pytest.mark.parametrize("name", ["before", "after"])
 @pytest.mark.parametrize("scheme", ["light", "dark"])
@@ -32,7 +24,7 @@ def drawn(page):
 def test_axe_finds_nothing(pages, name, width, scheme):
     with opened(pages[name], width=width, scheme=scheme) as seen:
         assert violations(seen.page) == []  # as it opens
-        drawn(seen.page)
+        unroll(seen.page)
         assert violations(seen.page) == []
         assert seen.complaints == []
 
@@ -40,7 +32,7 @@ def test_axe_finds_nothing(pages, name, width, scheme):
 @needs_browser
 def test_the_keyboard_reaches_every_control(pages):
     with opened(pages["after"]) as seen:
-        drawn(seen.page)  # a figure that is drawn behind the focus has buttons that the focus has passed
+        unroll(seen.page)  # a figure that is drawn behind the focus has buttons that the focus has passed
         found, missed = reached(seen.page)
         assert missed == []
         assert found > 20

@@ -10,7 +10,7 @@ from pathlib import Path
 
 import numpy as np
 import pytest
-from browser import OVERLAPS, needs_browser, opened
+from browser import OVERLAPS, needs_browser, opened, unroll
 from jinja2 import UndefinedError
 
 from frischid import figures
@@ -94,14 +94,6 @@ def joint_reports(folder):
     names = ["ident_20s_5harm", "ident_20s_10harm", "unloaded_50s_14harm"]
     logs = [read_log(data / f"ur10e/logs/{n}.parquet", robot.joints, UR10E) for n in names]
     yield "ur10e", identify(robot, logs[:2], valid=logs[2:], recursion="none").model, logs
-
-
-def unroll(page):
-    """Bring every figure into view and wait until it is drawn."""
-    page.evaluate("document.querySelectorAll('details').forEach(d => d.open = true)")
-    for plot in page.query_selector_all(".plot"):
-        plot.evaluate("p => p.scrollIntoView({behavior: 'instant', block: 'center'})")
-        page.wait_for_function("p => p.dataset.drawn", arg=plot)
 
 
 DRAWN = (
