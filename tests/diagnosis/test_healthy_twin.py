@@ -25,9 +25,12 @@ ARM = Robot.load("planar2")
 COARSE = 2 * np.pi / 2**11
 
 
+SIZES = {"joint_spring@joint2": {"ks2": 2.0}, "elasticity(period=0)@joint2": {"ce2": 0.01}, "": {}}
+
+
 @cache
-def logs_of(effect: str = "", step: float = COARSE) -> tuple[Log, ...]:
-    """Two logs of an arm with encoders of a step, rad, and with a spring on joint 2 if wanted."""
+def logs_of(effect: str = "", step: float = COARSE, noise: float = 0.0) -> tuple[Log, ...]:
+    """Two logs of an arm, with an effect if wanted; the positions have the encoders' step and white noise, rad."""
     found = []
     for seed in (1, 2):
         log = simulate(
@@ -35,8 +38,8 @@ def logs_of(effect: str = "", step: float = COARSE) -> tuple[Log, ...]:
             random_fourier(ARM, 20, seed=seed),
             rate=100,
             effects=(*BASELINE, *parse_effects(effect)),
-            parameters={"fc1": 0.5, "fc2": 0.3, "fv1": 0.4, "fv2": 0.2} | ({"ks2": 2.0} if effect else {}),
-            noise=Noise(tau=0.005),
+            parameters={"fc1": 0.5, "fc2": 0.3, "fv1": 0.4, "fv2": 0.2} | SIZES[effect],
+            noise=Noise(q=noise, tau=0.005),
             channels=(),
             seed=seed,
             name=f"log {seed}",
@@ -121,29 +124,10 @@ def test_only_what_the_noise_of_positions_does_to_the_twin_too_is_called_noise_o
     assert not find_effects(validator, floor, "always", ["time_delay"])[1].smoothing
 
 
-def with_noise_of_positions(size, effect=""):
-    """Two logs whose positions have white noise, rad, and whose velocities are derived from them."""
-    logs = []
-    for seed in (1, 2):
-        log = simulate(
-            ARM,
-            random_fourier(ARM, 20, seed=seed),
-            rate=100,
-            effects=(*BASELINE, *parse_effects(effect)),
-            parameters={"fc1": 0.5, "fc2": 0.3, "fv1": 0.4, "fv2": 0.2} | ({"ce2": 0.01} if effect else {}),
-            noise=Noise(q=size, tau=0.005),
-            channels=(),
-            seed=seed,
-            name=f"noisy {seed}",
-        )
-        logs.append(log)
-    return logs
-
-
 @pytest.mark.parametrize(("size", "cutoff"), [(1e-4, 12.0), (1e-4, 20.0), (3e-4, 12.0)])
 def test_noise_within_a_cutoff_that_is_too_high_is_no_elasticity(size, cutoff):
     """The column of a spring follows the noise of the positions, and takes it away; that had been called 92 to 99 %."""
-    logs = with_noise_of_positions(size)
+    logs = logs_of(step=0.0, noise=size)
     found = diagnose(identify(ARM, logs, recursion="none", cutoff=cutoff).model, logs)
     first = found.findings[0]
     assert first.effect == "elasticity"
@@ -153,7 +137,7 @@ def test_noise_within_a_cutoff_that_is_too_high_is_no_elasticity(size, cutoff):
 
 
 def test_an_elasticity_beside_such_noise_is_found():
-    logs = with_noise_of_positions(1e-4, "elasticity(period=0)@joint2")
+    logs = logs_of("elasticity(period=0)@joint2", step=0.0, noise=1e-4)
     found = diagnose(identify(ARM, logs, recursion="none", cutoff=20.0).model, logs)
     first = found.findings[0]
     assert (found.verdict, first.effect, first.joints) == ("effect", "elasticity", ("joint2",))
@@ -161,7 +145,7 @@ def test_an_elasticity_beside_such_noise_is_found():
 
 
 def test_the_twin_has_the_inertia_that_noise_has_taken_from_the_model(monkeypatch):
-    logs = with_noise_of_positions(3e-4)
+    logs = logs_of(step=0.0, noise=3e-4)
     v, _ = cross_validator(identify(ARM, logs, recursion="none", cutoff=20.0).model, logs)
     error = error_of(v)
     np.testing.assert_allclose(HealthyTwin(v).error, error, rtol=0.15)
