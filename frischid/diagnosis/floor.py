@@ -93,7 +93,8 @@ class Floor:
 
 def refuted(floor: Array, error: Array, left: Array) -> Array:
     """The floor, (J,), lowered where an error is below the share of the floor that the effects of its model leave."""
-    return np.asarray(np.minimum(floor, error / left))
+    most = np.divide(error, left, out=np.full(len(floor), np.inf), where=left > 0)
+    return np.asarray(np.minimum(floor, most))
 
 
 def asks_for_explanation(residual: Array, noise: Array, validator: CrossValidator) -> NDArray[np.bool_]:

@@ -272,6 +272,7 @@ def test_a_floor_above_a_held_out_error_is_wrong():
 def test_an_effect_that_takes_away_a_part_of_the_noise_refutes_no_floor():
     error = error_of(found("healthy").validator)
     np.testing.assert_allclose(refuted(2 * error, error, np.array([0.5, 0.8])), [2.0, 1.25] * error)
+    np.testing.assert_allclose(refuted(2 * error, error, np.array([0.0, 0.8])), [2.0, 1.25] * error)
 
 
 def test_the_error_of_a_diagnosis_is_without_that_of_uncertain_parameters():
