@@ -4,7 +4,10 @@ An effect is *called missing* when three conditions hold: its gain is more than 
 negligible, and it explains enough of the error above the sensor noise on its joints (`explained_error`).
 
 Where the error is well above the noise, any share is enough. Near the noise, the share must reach one half. Where all
-of the error lies at reversals and standstill, dry friction is undetermined, and the share must reach four fifths.
+of the error lies at reversals and standstill, dry friction is undetermined: the share must reach four fifths, and the
+motion must show the effect too, as far as the effect acts there (`reversal_residuals`).
+
+What noise of the positions alone explains on the healthy twin is no effect (`healthy_twin`).
 """
 
 from __future__ import annotations

@@ -118,10 +118,11 @@ class HealthyTwin:
         float
             Fall of the summed squared NRMSE of the joints; zero where the effect does not pay its price.
         """
-        first = _scored(self.draws[0], places)
-        if first is None or first.gain <= 0:
+        first = self.draws[0]
+        as_given = _together(first, [c for c in first.candidates(places) if c.columns and c.finite])
+        if as_given is None or as_given.gain <= 0:
             return 0.0
-        found = [_scored(twin, [c.effect for c in _shaped(twin, places)]) for twin in self.draws]
+        found = [_together(twin, _shaped(twin, places)) for twin in self.draws]
         parts = [0.0 if x is None else max(x.explained, 0.0) for x in found]
         reach = float(special.stdtrit(len(parts) - 1, 1.0 - self.fit.criteria.block_p_value))
         return float(np.mean(parts) + reach * np.std(parts, ddof=1) * np.sqrt(1.0 + 1.0 / len(parts)))
@@ -138,10 +139,9 @@ class HealthyTwin:
         return np.divide(np.minimum(after, before), before, out=np.ones(len(before)), where=before > 0)
 
 
-def _scored(twin: CrossValidator, places: Sequence[Effect]) -> ScoredCandidate | None:
-    """An effect at its places on one record of the twin; None where the model's columns span the effect."""
-    parts = [c for c in twin.candidates(places) if c.columns and c.finite]
-    return scored(twin, [parts[0] if len(parts) == 1 else twin.joined(parts)]) if parts else None
+def _together(twin: CrossValidator, places: Sequence[Candidate]) -> ScoredCandidate | None:
+    """An effect at all its places on one record of the twin; None where it has none."""
+    return scored(twin, [places[0] if len(places) == 1 else twin.joined(places)]) if places else None
 
 
 def _shaped(twin: CrossValidator, places: Sequence[Effect]) -> list[Candidate]:

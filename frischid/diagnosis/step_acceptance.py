@@ -298,7 +298,7 @@ def worse_with_standstill(
         numbers, place = np.unique(block, return_inverse=True)
         found = np.zeros((len(numbers), len(before.joints)))
         np.add.at(found, place, squares[1] - squares[0])
-        if rises and numbers[0] == last:  # a part of a log may end within a block
+        if numbers[0] == last:  # a part of a log may end within a block
             rises[-1] += found[0]
             found = found[1:]
         rises += [*found]
