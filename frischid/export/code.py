@@ -133,10 +133,9 @@ def _head(code: CodeModel, lead: str) -> str:
 def _tables(code: CodeModel) -> Iterator[tuple[str, Array]]:
     """The tables of links that the functions of this model use."""
     yield "links", code.links
-    if any(column.reads("load") or column.reads("torque") for column in code.columns):
+    loaded = any(column.reads("load") or column.reads("torque") for column in code.columns)
+    if loaded or any(m.kind in ("lag", "slope", "tilt") for m in code.made):
         yield "load_links", code.load_links
-    if any(m.kind in ("lag", "slope", "tilt") for m in code.made):
-        yield "slope_links", code.slope_links
     for m in code.made:
         if m.kind == "extra":
             table = np.zeros_like(code.links)

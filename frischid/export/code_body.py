@@ -101,7 +101,7 @@ class C(Language):
         """The call of the quantity's function."""
         name, joint, k = quantity.name, quantity.joint, quantity.number
         values, robot = [number(x) for x in quantity.values], self.robot
-        slopes = f"{robot}_slope_links"
+        loads = f"{robot}_load_links"
         match quantity.kind:
             case "slide":
                 call = f"{robot}_slid(&state->slide[{k}], state->v[{joint}], v[{joint}], h, {values[0]})"
@@ -114,12 +114,12 @@ class C(Language):
             case "delay":
                 call = f"{robot}_delayed(&state->delay[{k}], state->t, {values[0]}, steady, {name});"
             case "slope":
-                call = f"{robot}_derivative({slopes}, q, v, a, {joint}, 1.0, 0.0, 0.0, {name});"
+                call = f"{robot}_derivative({loads}, q, v, a, {joint}, 1.0, 0.0, 0.0, {name});"
             case "tilt":
                 up = ", ".join(number(-x) for x in quantity.values)
                 call = (
                     f"{{ const double up[3] = {{{up}}}, still[{self._joints}] = {{0.0}};\n"
-                    f"      {robot}_rigid({slopes}, up, q, still, still, {name}); }}"
+                    f"      {robot}_rigid({loads}, up, q, still, still, {name}); }}"
                 )
             case "spin":
                 call = f"{robot}_spin({joint}, {values[0]}, q, v, a, {name});"
@@ -181,8 +181,8 @@ class NumPy(Language):
             "heat": f"_heated(state.heat, {k}, state.v[{joint}], v[0, {joint}], h, {values})",
             "lag": f"_lagged(GEARS[{k}], state.lag[{k}], q, v, a, load, h)",
             "delay": f"_delayed(state.delay[{k}], state.t, {values}, steady)",
-            "slope": f"_derivative(SLOPE_LINKS, q, v, a, {joint}, 1.0, 0.0, 0.0)",
-            "tilt": f"_rigid(SLOPE_LINKS, -np.array([{values}]), q, 0.0 * v, 0.0 * a)",
+            "slope": f"_derivative(LOAD_LINKS, q, v, a, {joint}, 1.0, 0.0, 0.0)",
+            "tilt": f"_rigid(LOAD_LINKS, -np.array([{values}]), q, 0.0 * v, 0.0 * a)",
             "spin": f"_spin({joint}, {values}, q, v, a)",
             "extra": f"_rigid({name.upper()}_LINKS, UP, q, v, a)",
         }

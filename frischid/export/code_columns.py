@@ -115,16 +115,14 @@ class CodeModel:
     model : Model
         With physical links.
     columns : tuple of CodeColumn
-    links, load_links, slope_links : ndarray, shape (L, 10)
-        Inertial parameters about the joints' frames: the model's, those that give the load, and those that give its
-        derivatives.
+    links, load_links : ndarray, shape (L, 10)
+        Inertial parameters about the joints' frames: the model's, and those that give the load and its derivatives.
     """
 
     model: Model
     columns: tuple[CodeColumn, ...]
     links: Array
     load_links: Array
-    slope_links: Array
 
     @classmethod
     def of(cls, model: Model, payload_in_links: bool = True) -> CodeModel:
@@ -144,14 +142,12 @@ class CodeModel:
         robot, writer = model.robot, _Writer(model, payload_in_links)
         columns = [column for effect in model.effects for column in writer.columns(effect)]
         rigid = dict(zip((c.name for c in robot.columns), writer.values[: len(robot.columns)], strict=True))
-        loads = np.array([rigid.get(name, 0.0) for name in robot.all_names])
-        slopes = np.array([robot.known.get(name, x) for name, x in zip(robot.all_names, loads, strict=True)])
+        loads = np.array([robot.known[name] if name in robot.known else rigid[name] for name in robot.all_names])
         return cls(
             model,
             tuple(columns),
             _joint_frames(robot, model.links + writer.payload),
             _joint_frames(robot, loads.reshape(-1, 10)),
-            _joint_frames(robot, slopes.reshape(-1, 10)),
         )
 
     @property

@@ -151,7 +151,7 @@ class Regressor:
         load = None
         if self.loaded:
             self.robot.regressor(q, v, a, Y[:, :rigid])
-            load = self.reference[:rigid] @ Y[:, :rigid]
+            load = self._load_of(samples, Y[:, :rigid])
         written = self.effect_columns(samples, remembered or {}, load)
         # Chunk by chunk: all columns of a sample are written while the sample is in the processor's cache.
         for first in range(0, len(t), 2 * CHUNK_SAMPLES):
@@ -173,7 +173,7 @@ class Regressor:
         if self.loaded:
             links = np.empty((N, J, rigid)).transpose(0, 2, 1)  # rows of Pinocchio's array stay rows
             self.robot.regressor(samples.q, samples.v, samples.a, links)
-            load = self.reference[:rigid] @ links
+            load = self._load_of(samples, links)
         Y = np.zeros((N, len(self.columns) - rigid, J))
         for k, joint, values in self.effect_columns(samples, {}, load):
             Y[:, k - rigid, joint] = values
@@ -241,11 +241,15 @@ class Regressor:
         return self._state_of(Samples.of(motion), load, torque, rigid, self.dry)
 
     def load(self, motion: Motion | Samples) -> Array:
-        """Torque (N, J) of the reference's links, without known parameters."""
-        names = [c.name for c in self.robot.columns]
-        values = dict(zip(names, self.reference, strict=False))
-        links = RigidDynamics(self.robot, np.array([values.get(name, 0.0) for name in self.robot.all_names]))
+        """Torque (N, J) of the reference's links, with the known parameters of the robot."""
+        links = RigidDynamics.of(self.robot, self.reference[: len(self.robot.columns)])
         return links.torque(motion.q, motion.v, motion.a)
+
+    def _load_of(self, samples: Samples, links: Array) -> Array:
+        """The same from the links' columns (N, R, J): a gear carries the known links too."""
+        unknown = np.asarray(self.reference[: links.shape[1]] @ links)
+        known = self.robot.known_torque(samples.q, samples.v, samples.a)
+        return unknown if known is None else unknown + known
 
     def _state_of(self, samples: Samples, load: Array, torque: Array, rigid: Array, dry: Array | None = None) -> State:
         """State for effects at some samples."""

@@ -76,6 +76,10 @@ def test_generated_code_is_the_model(name, tmp_path):
     check_code(physical(name), tmp_path)
 
 
+def test_the_load_in_generated_code_has_the_known_links(tmp_path):
+    check_code(physical("planar2 far_end known", parse_effects("viscous, coulomb, load_friction")), tmp_path)
+
+
 # ---- every effect that follows from its joint's state, both signs of every parameter that the effect accepts
 
 

@@ -6,7 +6,7 @@ import numpy as np
 import pytest
 from cases import EFFECT_CASES, exact_log, random_values, robot, whole_regressor
 
-from frischid.effects import BASELINE
+from frischid.effects import BASELINE, parse_effects
 from frischid.logs.filters import LowPass
 from frischid.logs.preprocessing import Motion, prepare
 from frischid.regression.accumulation import accumulate, streaming_qr
@@ -73,6 +73,28 @@ def test_what_is_known_is_taken_off_the_torque_and_told():
     assert np.abs(known).max() > 1.0
     np.testing.assert_allclose(block.known, known)
     np.testing.assert_allclose(block.tau + block.known, motion.tau)
+
+
+def test_known_links_are_part_of_the_load():
+    """A gear carries the links whose parameters are known as well; load friction of them had been left out."""
+    plain, effects = Robot.load("ur5"), parse_effects("load_friction, drive_gain, hysteresis, elasticity")
+    values = dict(zip(plain.all_names, plain.nominal, strict=True))
+    known = Robot.load("ur5", known={name: x for name, x in values.items() if name[-1] in "456"})
+    motion, rigid = motion_of(plain), len(known.columns)
+    one, other = Regressor(plain, effects), Regressor(known, effects)
+    some = Samples.of(motion).part(slice(0, 50))
+    expected = one.evaluate(some)[:, len(plain.columns) :]
+    np.testing.assert_allclose(other.evaluate(some)[:, rigid:], expected, atol=1e-9 * np.abs(expected).max())
+    np.testing.assert_allclose(other.of_effects(some), expected, atol=1e-9 * np.abs(expected).max())
+    blocks = [next(iter(r.blocks(motion, LOWPASS, 100_000))) for r in (one, other)]
+    of_effects = [block.Y[:, len(r.robot.columns) :] for block, r in zip(blocks, (one, other), strict=True)]
+    np.testing.assert_allclose(*of_effects, atol=1e-9 * np.abs(of_effects[0]).max())
+    sums = [total(accumulate(r, [motion], LOWPASS, plain.joints)) for r in (one, other)]
+    squares = [
+        g.moments[:, len(r.robot.columns) : -1, len(r.robot.columns) : -1]
+        for g, r in zip(sums, (one, other), strict=True)
+    ]
+    np.testing.assert_allclose(*squares, atol=1e-9 * np.abs(squares[0]).max())
 
 
 def test_stacked_rows_say_whose_they_are():

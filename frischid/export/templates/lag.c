@@ -24,11 +24,11 @@ static void @robot@_lagged(const @robot@_gear *g, @robot@_lag *s, const double *
     double now[6] = {v[i], tanh(v[i] / @width@), load[i], 0.0, 0.0, 0.0}, slope[@ROBOT@_JOINTS];
     double speed = s->speed, second = 0.0;
     int j;
-    @robot@_derivative(@robot@_slope_links, q, v, a, i, 0.0, 0.0, 1.0, slope);
+    @robot@_derivative(@robot@_load_links, q, v, a, i, 0.0, 0.0, 1.0, slope);
     now[3] = fmax(slope[i], g->least);
-    @robot@_derivative(@robot@_slope_links, q, v, a, i, 0.0, 1.0, 0.0, slope);
+    @robot@_derivative(@robot@_load_links, q, v, a, i, 0.0, 1.0, 0.0, slope);
     now[4] = slope[i];
-    @robot@_derivative(@robot@_slope_links, q, v, a, i, 1.0, 0.0, 0.0, slope);
+    @robot@_derivative(@robot@_load_links, q, v, a, i, 1.0, 0.0, 0.0, slope);
     now[5] = slope[i];
     if (g->rigid || s->steps == 0) {
         const double carried = load[i] + g->dry * now[1];
@@ -60,6 +60,6 @@ static void @robot@_lagged(const @robot@_gear *g, @robot@_lag *s, const double *
         for (j = 0; j < 6; j++)
             s->road[j] = now[j];
     }
-    @robot@_derivative(@robot@_slope_links, q, v, a, i, -g->unit * s->place, -g->unit * speed, -g->unit * second, out);
+    @robot@_derivative(@robot@_load_links, q, v, a, i, -g->unit * s->place, -g->unit * speed, -g->unit * second, out);
     out[i] += g->unit * s->pushed;
 }
