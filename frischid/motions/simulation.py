@@ -16,7 +16,7 @@ import numpy as np
 from frischid.core.arguments import check_kind, check_number
 from frischid.core.text import shortened
 from frischid.core.types import Array
-from frischid.effects import BASELINE, Effect
+from frischid.effects import BASELINE, Effect, columns_of
 from frischid.errors import InputError, UnknownNameError
 from frischid.logs.log import Log
 from frischid.motions.motion_request import check_rate
@@ -113,6 +113,7 @@ def simulate(
         Effects that act on the robot besides its links.
     parameters : mapping of str to float
         Values that differ from the URDF's, by parameter name; other parameters without a value in the URDF are zero.
+        The load on a gear is that of links with these values.
     noise : Noise, optional
         None: the log is exact.
     channels : sequence of {"v", "a"}
@@ -160,7 +161,8 @@ def simulate(
     q, v, a = trajectory(t)
     if q.shape[1] != len(robot.joints):
         raise InputError(f"the trajectory moves {q.shape[1]} joints, {robot.name} has {len(robot.joints)}")
-    tau = torque(robot, effects, parameters_of(robot, effects, parameters), t, q, v, a)
+    theta = parameters_of(robot, effects, parameters)
+    tau = torque(robot, effects, theta, t, q, v, a, _with_links(robot, effects, theta))
     tau = tau + noise.tau * tau.std(axis=0) * rng.normal(size=tau.shape)
     q, v, a = (x + s * rng.normal(size=x.shape) for x, s in ((q, noise.q), (v, noise.v), (a, noise.a)))
     if noise.quantum > 0:
@@ -177,9 +179,25 @@ def simulate(
     )
 
 
-def torque(robot: Robot, effects: Sequence[Effect], theta: Array, t: Array, q: Array, v: Array, a: Array) -> Array:
-    """Torque of a parameter vector along a motion, (N, J), computed chunk by chunk."""
-    regressor = Regressor(robot, effects)
+def _with_links(robot: Robot, effects: Sequence[Effect], theta: Array) -> dict[str, float]:
+    """The URDF's value of every column, but those of the simulated links, which load the gears."""
+    values = nominal_parameters(robot, effects)
+    values[: len(robot.columns)] = theta[: len(robot.columns)]
+    return dict(zip((c.name for c in columns_of(robot, effects)), values.tolist(), strict=True))
+
+
+def torque(
+    robot: Robot,
+    effects: Sequence[Effect],
+    theta: Array,
+    t: Array,
+    q: Array,
+    v: Array,
+    a: Array,
+    reference: Mapping[str, float] | None = None,
+) -> Array:
+    """Torque of a parameter vector along a motion, (N, J), computed chunk by chunk; `reference` as in `Regressor`."""
+    regressor = Regressor(robot, effects, reference)
     parts = []
     # an effect with memory needs the whole motion at once; every chunk needs the time at which the log begins
     most = max(64, MOST_VALUES // (len(regressor.columns) * len(robot.joints)))

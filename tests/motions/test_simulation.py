@@ -51,6 +51,17 @@ def test_values_replace_the_urdfs():
     )
 
 
+def test_friction_feels_the_load_of_the_simulated_links():
+    """It had felt the URDF's links, whatever the values given."""
+    machine, motion = robot("planar2"), random_fourier(robot("planar2"), 5.0, seed=0)
+    heavy = {"mx2": 3 * float(machine.nominal[machine.all_names.index("mx2")])}
+    bare = simulate(machine, motion, rate=100.0, effects=(), parameters=heavy)
+    rubbing = parse_effects("load_friction(width=0.01)")
+    log = simulate(machine, motion, rate=100.0, effects=rubbing, parameters=heavy | {"fl1": 0.2, "fl2": 0.1})
+    friction = np.array([0.2, 0.1]) * np.abs(bare.tau) * np.tanh(bare.v / 0.01)
+    np.testing.assert_allclose(log.tau, bare.tau + friction, atol=1e-9 * np.abs(bare.tau).max())
+
+
 def test_unknown_parameter():
     with pytest.raises(UnknownNameError, match=r"unknown parameter 'fv3'.*fv1"):
         simulate(PLANAR, MOTION, rate=50.0, parameters={"fv3": 1.0})
