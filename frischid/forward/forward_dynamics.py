@@ -31,11 +31,11 @@ from frischid.errors import InputError
 from frischid.forward.effect_torques import DryFriction, EffectTorques
 from frischid.forward.simulated_motion import (
     Follower,
+    Given,
     SimulatedMotion,
     Starts,
     Step,
     delay_of,
-    held_back,
     started,
     wanted_times,
 )
@@ -67,7 +67,7 @@ class _Moving:
     a: Array
     which: NDArray[np.intp]
     z: list[Array]
-    given: list[Array] = field(default_factory=list)
+    given: Given = field(default_factory=Given)
 
 
 class _Balance(NamedTuple):
@@ -292,7 +292,7 @@ class ForwardDynamics:
                     f"the source of torque gives the shape {np.shape(now)} for {len(q)} robots with the joints "
                     f"{', '.join(self.robot.joints)}; it must give {q.shape}"
                 )
-            return now if back == 0.0 else held_back(s.given, now, back / h)
+            return now if back == 0.0 else s.given.held_back(now, h, back)
 
         return drive
 

@@ -6,7 +6,7 @@ held back by d:   τ(t) = the torque that was given at t − d, between two step
 from __future__ import annotations
 
 from collections.abc import Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, field
 from typing import Any, NamedTuple, Protocol
 
 import numpy as np
@@ -162,10 +162,36 @@ def delay_of(source: TorqueSource) -> float:
     return float(getattr(source, "delay", 0.0))
 
 
-def held_back(given: list[Array], now: Array, steps: float) -> Array:
-    """What was given `steps` steps of the integration ago, between two steps; `given` keeps what later steps need."""
-    whole, share = int(steps), steps - int(steps)
-    given.append(now)
-    del given[: -(whole + 2)]
-    late, later = (given[max(0, len(given) - 1 - n)] for n in (whole, whole + 1))
-    return np.asarray((1.0 - share) * late + share * later)
+@dataclass(eq=False)
+class Given:
+    """What was given in the steps of a simulation so far, as far as later steps need it; the steps may differ.
+
+    Attributes
+    ----------
+    clock : float
+        End of the last step since the first one began, s.
+    middles : list of float
+        Middle of each step that is kept, on this clock, s.
+    values : list of ndarray
+        What was given there.
+    """
+
+    clock: float = 0.0
+    middles: list[float] = field(default_factory=list)
+    values: list[Array] = field(default_factory=list)
+
+    def held_back(self, now: Array, h: float, by: float) -> Array:
+        """What was given `by` seconds before the middle of a step of length `h`, which is given `now`.
+
+        Between two steps the value lies on the line through both; before the first step it is the first one.
+        """
+        self.clock += h
+        self.middles.append(self.clock - 0.5 * h)
+        self.values.append(now)
+        wanted = self.middles[-1] - by
+        while len(self.middles) > 1 and self.middles[1] <= wanted:
+            del self.middles[0], self.values[0]
+        if len(self.middles) == 1 or wanted <= self.middles[0]:
+            return self.values[0]
+        share = (wanted - self.middles[0]) / (self.middles[1] - self.middles[0])
+        return np.asarray((1.0 - share) * self.values[0] + share * self.values[1])

@@ -26,7 +26,7 @@ from frischid.core.types import Array
 from frischid.effects.state import SIGN_WIDTH
 from frischid.forward.effect_torques import DryFriction, EffectTorques
 from frischid.forward.forward_dynamics import ForwardDynamics
-from frischid.forward.simulated_motion import Step, delay_of, held_back
+from frischid.forward.simulated_motion import Given, Step, delay_of
 from frischid.forward.torque_sources import RecordedTorque, TorqueSource
 from frischid.regression.block import Samples
 
@@ -82,7 +82,7 @@ class Tangents:
         self.noted: list[Array] = []
         self._recorded, self._back = forward.recorded(source), delay_of(source)
         self._still = isinstance(source, RecordedTorque)
-        self._given: list[Array] = []
+        self._given = Given()
         self._moves = EffectTorques(forward.robot, model.effects, directions.T, model.reference)
         self._links = directions[: len(forward.robot.columns)]
 
@@ -182,7 +182,7 @@ class Tangents:
         if self._moves.delay.any():
             rate = _central(lambda x: self._recorded(s.which, s.t + x, s.q, s.v))
             now = now + rate[..., None] * self._moves.delay.T
-        return now if self._back == 0.0 else held_back(self._given, now, self._back / s.h)
+        return now if self._back == 0.0 else self._given.held_back(now, s.h, self._back)
 
 
 def _central(function: Callable[[float], Array]) -> Array:

@@ -157,6 +157,17 @@ def test_a_controller_reaches_its_command_and_delay_makes_it_swing():
     assert swings[1] > swings[0]
 
 
+def test_the_delay_does_not_depend_on_the_times_that_are_asked_for():
+    """It counted the steps before as long as the last one, and the times asked for cut some steps short."""
+    model, t = pendulum(fv1=1.0, fv2=1.0), np.arange(0.0, 4.0, 0.01)
+    wave = np.column_stack([0.5 * np.sin(3 * t), 0.4 * np.sin(4 * t)])
+    late = PositionController(t, wave, np.array([300.0, 100.0]), np.array([30.0, 8.0]), delay=0.02)
+    start, even = Starts([[0.0, 0.0]], [[1.5, 1.6]]), np.linspace(0.0, 2.0, 201)
+    uneven = np.unique(np.append(even, even[:-1] + 1e-4))
+    first, other = (ForwardDynamics(model).simulate(late, start, times).q[0] for times in (even, uneven))
+    np.testing.assert_allclose(other[np.searchsorted(uneven, even - 1e-9)], first, atol=5e-4)
+
+
 def test_an_unstable_loop_is_marked_and_not_nan_before():
     model = pendulum()
     wrong = PositionController(np.array([0.0, 4.0]), np.ones((2, 2)), kp=-1e4, kd=-1e3)
