@@ -253,7 +253,8 @@ def _simulated(regressor: Regressor, base: Sequence[int], theta: Array, referenc
             return None
         feedback = w**2 * (reference.q[at] - q) + 2 * w * (reference.v[at] - v)
         a = feedback + np.linalg.solve(M, (forward[at] - rest)[:, :, None])[:, :, 0]
-        out[:, at] = q, v, a
+        there = starts + k < N  # the last second may be shorter than the others
+        out[:, at[there]] = q[there], v[there], a[there]
         q, v = q + h * v + 0.5 * h**2 * a, v + h * a
     return replace(reference, q=out[0], v=out[1], a=out[2])
 

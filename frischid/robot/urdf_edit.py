@@ -7,7 +7,7 @@ parser only finds the *places* of elements, in bytes; the edits are then made fr
 from __future__ import annotations
 
 import re
-from collections.abc import Mapping, Sequence
+from collections.abc import Iterator, Mapping, Sequence
 from dataclasses import dataclass
 from xml.parsers import expat
 from xml.sax.saxutils import quoteattr
@@ -89,7 +89,7 @@ class UrdfText:
         return self._replaced(edits)
 
     def with_joints(self, joints: Mapping[str, tuple[float, float]], names: Mapping[str, str]) -> str:
-        """Text with other axes, zeros and names of joints.
+        """Text with other axes, zeros and names of joints; joints that mimic them follow as before.
 
         Parameters
         ----------
@@ -105,7 +105,24 @@ class UrdfText:
         for name, new in names.items():
             start, end = self.joints[name].tag
             edits.append(((start, end), _with_attributes(self.data[start:end].decode(), {"name": new})))
-        return self._replaced(edits)
+        return self._replaced([*edits, *self._mimics(joints, names)])
+
+    def _mimics(
+        self, joints: Mapping[str, tuple[float, float]], names: Mapping[str, str]
+    ) -> Iterator[tuple[Span, str]]:
+        """Edits of the joints that mimic the changed ones: ``m (s q + δ) + b = (m s) q + (m δ + b)``."""
+        for joint in self.joints.values():
+            rule = joint.child("mimic")
+            leader = "" if rule is None else rule.attributes.get("joint", "")
+            if rule is None or leader not in {*joints, *names}:
+                continue
+            sign, offset = joints.get(leader, (1.0, 0.0))
+            factor, shift = float(rule.attributes.get("multiplier", 1)), float(rule.attributes.get("offset", 0))
+            values = {"joint": names.get(leader, leader)}
+            values |= {"multiplier": _text(np.array([sign * factor]))} if sign < 0 else {}
+            values |= {"offset": _text(np.array([factor * offset + shift]))} if offset else {}
+            start, end = rule.tag
+            yield rule.tag, _with_attributes(self.data[start:end].decode(), values)
 
     def _placed(self, joint: Element, sign: float, offset: float) -> list[tuple[Span, str]]:
         """Edits of a joint's axis and origin."""

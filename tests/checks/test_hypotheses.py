@@ -8,6 +8,7 @@ from xml.etree import ElementTree
 
 import numpy as np
 import pytest
+from cases import robot
 from click.testing import CliRunner
 
 from frischid.checks import corrected_urdf
@@ -311,6 +312,20 @@ def test_the_corrected_urdf_moves_as_the_corrected_columns():
     other = Robot.from_dict({**UR.to_dict(), "urdf": text})
     true = UR.inverse_dynamics(sign * q + offset, sign * v, sign * a)
     assert np.allclose(other.inverse_dynamics(q, v, a), sign * true, atol=1e-6)
+
+
+def test_joints_that_mimic_a_corrected_one_follow_it_as_before():
+    """The finger of a gripper had followed the reversed joint backwards."""
+    arm = robot("mixed mimic")
+    q, v, a = np.random.default_rng(1).normal(size=(3, 5, 3))
+    sign, offset = np.array([1.0, 1.0, -1.0]), np.array([0.0, 0.0, 0.3])
+    text, _ = corrected_urdf(arm, [("elbow", "sign", -1.0), ("elbow", "offset", 0.3)])
+    true = arm.inverse_dynamics(sign * q + offset, sign * v, sign * a)
+    assert np.allclose(Robot.from_dict({**arm.to_dict(), "urdf": text}).inverse_dynamics(q, v, a), sign * true)
+    text, _ = corrected_urdf(arm, [(a, c, b) for a, b in (("turn", "elbow"), ("elbow", "turn")) for c in ("q", "tau")])
+    other = Robot.from_dict({**arm.to_dict(), "urdf": text})
+    assert other.joints == ("elbow", "slide", "turn")
+    assert np.allclose(other.inverse_dynamics(q, v, a), arm.inverse_dynamics(q, v, a))
 
 
 @pytest.mark.parametrize(("name", "seed"), [("panda", 1205), ("panda", 1291), ("kinova", 1097)])
