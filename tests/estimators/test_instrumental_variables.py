@@ -96,6 +96,16 @@ def test_the_true_model_follows_the_reference():
     assert np.sqrt(np.mean((found.a - clean.a) ** 2)) < 0.05 * np.sqrt(np.mean(clean.a**2))
 
 
+def test_the_last_second_ends_with_the_motion():
+    """A last second of fewer samples had gone on at the last reference, and its end stood in the last row."""
+    regressor, reduction, theta, clean, _ = planar()
+    wrong, base = theta * np.linspace(0.8, 1.2, len(theta)), reduction.base
+    whole = _simulated(regressor, base, wrong, clean)
+    part = _simulated(regressor, base, wrong, clean.part(slice(0, 120)))
+    np.testing.assert_allclose(part.a, whole.a[:120], atol=1e-9)
+    np.testing.assert_allclose(part.q, whole.q[:120], atol=1e-12)
+
+
 def test_mass_and_rest_make_the_torque():
     regressor, reduction, theta, clean, _ = planar()
     torque = torque_of(regressor, reduction, theta, clean)
