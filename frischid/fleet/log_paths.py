@@ -62,7 +62,7 @@ def find_logs(patterns: Sequence[str]) -> list[LogPath]:
     >>> [path.robot for path in found]
     ['r017', 'r017', 'r018']
     """
-    found: dict[str, str] = {}
+    found: dict[str, LogPath] = {}  # by the file, however its name is written
     shared = os.path.commonprefix([_plain(p) for p in patterns if _is_name(p)])  # noqa: RUF071 (cut at a slash below)
     for pattern in patterns:
         addresses = _matches(pattern.replace(_ROBOT, "*"))
@@ -70,8 +70,13 @@ def find_logs(patterns: Sequence[str]) -> list[LogPath]:
             raise InputError(f"{pattern}: no file matches; quote the pattern so that the shell leaves it alone")
         plain = f"{shared[: shared.rfind('/') + 1]}*" if _is_name(pattern) else _plain(pattern)
         for address in addresses:
-            found.setdefault(address, robot_of(address, plain))
-    return sorted(LogPath(robot, address) for address, robot in found.items())
+            found.setdefault(_file(address), LogPath(robot_of(address, plain), address))
+    return sorted(found.values())
+
+
+def _file(address: str) -> str:
+    """The one name of a file: ``logs/1.csv`` of ``./logs/1.csv``, ``logs//1.csv`` and the whole path."""
+    return address if "://" in address else os.path.abspath(address)  # noqa: PTH100 (a link may be a robot of its own)
 
 
 def _is_name(pattern: str) -> bool:

@@ -169,6 +169,8 @@ def test_names_of_files_are_of_the_robots_of_the_pattern_that_a_shell_made_them_
     assert [path.robot for path in find_logs(names)] == ["r1", "r2", "r2"]
     assert find_logs(names) == find_logs(["logs/*/*.csv"])
     assert [path.robot for path in find_logs(names[1:])] == ["log", "log[old]"]
+    again = find_logs(["logs/*/log.csv", "./logs/r1/*.csv", f"{tmp_path}/logs/r2/log.csv"])
+    assert [path.address for path in again] == names[:2]  # each file once, however its name is written
 
 
 def test_logs_of_which_none_has_all_joints_are_skipped_by_name(arm, folder, tmp_path):
