@@ -42,7 +42,7 @@ def check_channels(log: Log, notes: Notebook, *, figures: bool = True, still: bo
             "move it, lock it (--lock), or check its position column",
         )
     _velocity(log, moving, notes)
-    for channel, unit in (("tau", "N·m"), ("current", "A")):
+    for channel, unit in (("tau", "N·m (N)"), ("current", "A")):
         if getattr(log, channel) is not None and (channel == "tau" or not log.has("tau").any()):
             _effort(log, channel, unit, moving, notes)
 
@@ -141,7 +141,7 @@ def _resolution(values: Array, good: NDArray[np.bool_], quantity: tuple[str, str
         extremes = np.abs(values[:, share > 0]).max(axis=0)
         notes.add(
             "saturated torque",
-            f"the {name} stays at its extreme ({span(extremes)} {unit}) in {span(100 * share[share > 0], ' %')} "
+            f"the {name} stays at its extreme, {span(extremes)} {unit}, in {span(100 * share[share > 0], ' %')} "
             "of the samples",
             notes.which(share > 0),
             "likely",

@@ -5,7 +5,8 @@ sine and the cosine of δ at most squared,
 
     τ(q + δ e_j) = a₀ + a₁ cos δ + b₁ sin δ + a₂ cos 2δ + b₂ sin 2δ,
 
-and five values of δ give the torque for all others exactly.
+and five values of δ give the torque for all others exactly. Joints that mimic joint j turn by another angle than δ, so
+the torque of each δ is then computed.
 """
 
 from __future__ import annotations
@@ -137,13 +138,20 @@ def _zeros(sketch: Sketch, j: int) -> Iterator[Moved]:
     J, name = len(sketch.robot.joints), sketch.robot.joints[j]
     unit = np.eye(J)[j]
     angles = 2 * np.pi * np.arange(5) / 5
-    torques = np.array([sketch.robot.inverse_dynamics(sketch.q + d * unit, sketch.v, sketch.a) for d in angles])
+    leads = name in {rule.leader for rule in sketch.robot.mimics.values()}
+
+    def exact(delta: float) -> Array:
+        return sketch.robot.inverse_dynamics(sketch.q + delta * unit, sketch.v, sketch.a)
+
+    torques = np.array([] if leads else [exact(delta) for delta in angles])
     inverse = np.linalg.inv(_waves(angles))
     fits = RowFits(sketch)
     reading = [fits.of(k, sketch.tau) for k in range(len(fits.rows))]
     spread = [max(float(y.std()), 1e-12) for y in reading]
 
     def nominal(delta: float) -> Array:
+        if leads:
+            return exact(delta)
         return np.asarray(np.tensordot((_waves(np.array([delta])) @ inverse)[0], torques, axes=1))
 
     def value(delta: float) -> float:

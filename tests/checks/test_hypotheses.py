@@ -14,14 +14,18 @@ from click.testing import CliRunner
 from frischid.checks import corrected_urdf
 from frischid.checks.check_criteria import DEFAULT_CRITERIA, CheckCriteria
 from frischid.checks.payload import Body
+from frischid.checks.position_faults import JOINT_ZERO, position_faults
 from frischid.checks.robot_faults import shared_faults
+from frischid.checks.sketch import Sketch
 from frischid.cli import main
 from frischid.effects import BASELINE
 from frischid.errors import InputError
+from frischid.logs.filters import LowPass
 from frischid.logs.locked_joints import LockedMotion
 from frischid.logs.log import Log
 from frischid.logs.mapping import LogMap
 from frischid.logs.mapping_fix import corrected, together
+from frischid.logs.preprocessing import prepare
 from frischid.logs.readers import read_log, write_log
 from frischid.logs.wraps import unwrapped, wraps_of
 from frischid.model.identification import identify
@@ -312,6 +316,18 @@ def test_the_corrected_urdf_moves_as_the_corrected_columns():
     other = Robot.from_dict({**UR.to_dict(), "urdf": text})
     true = UR.inverse_dynamics(sign * q + offset, sign * v, sign * a)
     assert np.allclose(other.inverse_dynamics(q, v, a), sign * true, atol=1e-6)
+
+
+def test_a_zero_is_tried_with_the_joints_that_mimic_it():
+    """A joint that turns twice as far is no sine of the same angle: the torque was wrong by two thirds of its size."""
+    arm, lowpass = robot("mixed mimic"), LowPass(5.0)
+    log = simulate(arm, random_fourier(arm, 10.0, seed=1), rate=100.0)
+    sketch = Sketch.of(arm, prepare(log, lowpass).motions, lowpass, arm.joints).thinned(200)
+    zeros = [moved for moved in position_faults(sketch) if moved.fault.kind == JOINT_ZERO]
+    assert {moved.fault.where for moved in zeros} == {("turn",), ("elbow",)}
+    for tried in (moved.sketch for moved in zeros):
+        true = arm.inverse_dynamics(tried.q, tried.v, tried.a)
+        assert np.allclose(tried.nominal, true, atol=1e-9 * np.abs(true).max())
 
 
 def test_joints_that_mimic_a_corrected_one_follow_it_as_before():
