@@ -22,6 +22,7 @@ from frischid.core.types import Array
 from frischid.errors import InputError
 from frischid.motions.collision import Clearance
 from frischid.motions.trajectory import ClosedForm
+from frischid.robot.joint_limits import JointLimits, read_limits
 from frischid.robot.robot import Robot
 
 SECONDS_TO_FULL_SPEED = 0.25
@@ -91,7 +92,8 @@ class MotionLimits:
         """Take the limits of a robot's URDF.
 
         Where the URDF states no limit: positions within ±π (±0.5 m), velocities below 2 rad/s (m/s), full speed reached
-        in `SECONDS_TO_FULL_SPEED`, any torque. No joint turns further than π from zero, because poses repeat.
+        in `SECONDS_TO_FULL_SPEED`, any torque. No joint turns further than π from zero, because poses repeat. A joint
+        that others mimic keeps their limits of position and velocity too.
 
         Parameters
         ----------
@@ -119,6 +121,7 @@ class MotionLimits:
             raise InputError(f"the share of the limits that is used must lie in [{LEAST_SHARE:g}, 1], got {scale}")
         limits, J = robot.limits, len(robot.joints)
         reach = np.where(robot.prismatic, np.where(np.isfinite(limits.stroke), np.inf, 0.5), np.pi)
+        limits = _with_followers(robot, limits)
         lower, upper = limits.within(reach)
         middle, half = (upper + lower) / 2, scale * (upper - lower) / 2
         velocity = np.where(np.isfinite(limits.velocity), limits.velocity, 2.0)
@@ -137,6 +140,23 @@ class MotionLimits:
     def half(self) -> Array:
         """Half of the position range."""
         return (self.upper - self.lower) / 2
+
+
+def _with_followers(robot: Robot, limits: JointLimits) -> JointLimits:
+    """The limits of the independent joints, within which the joints that mimic them keep theirs too.
+
+    Where a URDF leaves a joint no room in this way, its follower's limits of position do not count.
+    """
+    lower, upper, velocity = limits.lower.copy(), limits.upper.copy(), limits.velocity.copy()
+    for name, (leader, factor, shift) in robot.mimics.items():
+        j, own = robot.joints.index(leader), read_limits(robot.model, [robot.numbers[name]])
+        if factor == 0:
+            continue
+        low, high = sorted(((float(own.lower[0]) - shift) / factor, (float(own.upper[0]) - shift) / factor))
+        if max(low, lower[j]) < min(high, upper[j]):
+            lower[j], upper[j] = max(low, lower[j]), min(high, upper[j])
+        velocity[j] = min(velocity[j], float(own.velocity[0]) / abs(factor))
+    return replace(limits, lower=lower, upper=upper, velocity=velocity)
 
 
 def extremes(motion: ClosedForm, joints: int) -> tuple[Array, Array]:

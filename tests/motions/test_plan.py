@@ -162,6 +162,20 @@ def test_limits_hold_at_every_instant(name, family):
     assert found.history[-1, 1] <= found.history[0, 1]
 
 
+def test_a_planned_motion_keeps_the_limits_of_the_joints_that_mimic():
+    """A follower that turns twice as far as its leader had been planned to twice its own limit."""
+    arm = made(MIXED)
+    limits = MotionLimits.of(arm, 1.0)
+    poses = np.stack([limits.lower, limits.upper])
+    leader, factor, shift = arm.mimics["follower"]
+    elbow = arm.joints.index(leader)
+    assert factor * poses[:, elbow].max() + shift == pytest.approx(2.0)  # the limit of both joints
+    assert factor * poses[:, elbow].min() + shift >= -2.0 - 1e-12
+    assert factor * limits.velocity[elbow] <= arm.limits.velocity[elbow]
+    assert (limits.lower >= arm.limits.lower).all()
+    assert (limits.upper <= arm.limits.upper).all()
+
+
 def test_same_seed_same_motion():
     robot = Robot.load("planar2")
     t = np.linspace(0, 5, 50)
