@@ -53,19 +53,23 @@ def model_of_mjcf(path: Path) -> Any:
         raise InputError(f"{path}: Pinocchio cannot build a model from this MJCF: {error}") from error
 
 
-def gravity_of_mjcf(path: Path, above: Sequence[Path] = ()) -> tuple[float, float, float] | None:
+def gravity_of_mjcf(path: Path) -> tuple[float, float, float] | None:
     """Gravity that an MJCF file states, or a file that it includes, m/s²; None where none does.
-
-    Parameters
-    ----------
-    path : Path
-    above : sequence of Path
-        The files that include this one, the main file first: names of included files are relative to its folder.
 
     Raises
     ------
     InputError
         The gravity is not three numbers, or the file is no XML.
+    """
+    found = _stated(path, "option", "gravity")
+    return None if found is None else stated_gravity(*found)
+
+
+def _stated(path: Path, element: str, attribute: str, above: Sequence[Path] = ()) -> tuple[str, str] | None:
+    """The last attribute of this name in an MJCF file and in those that it includes, and the file that has it.
+
+    `above` are the files that include this one, the main file first: names of included files are relative to its
+    folder.
     """
     chain = (*above, path)
     try:
@@ -73,12 +77,12 @@ def gravity_of_mjcf(path: Path, above: Sequence[Path] = ()) -> tuple[float, floa
     except (ET.ParseError, OSError) as error:
         raise InputError(f"{path}: cannot be read as MJCF: {error}") from None
     for tag in root.iter():
-        if tag.tag == "option" and "gravity" in tag.attrib:
-            found = stated_gravity(tag.attrib["gravity"], str(path))
+        if tag.tag == element and attribute in tag.attrib:
+            found = tag.attrib[attribute], str(path)
         elif tag.tag == "include":
             named = (file.parent / tag.get("file", "") for file in (chain[0], path))
             inside = next((file for file in named if file.is_file()), path)
-            found = (None if inside in chain else gravity_of_mjcf(inside, chain)) or found
+            found = (None if inside in chain else _stated(inside, element, attribute, chain)) or found
     return found
 
 
@@ -124,12 +128,13 @@ def urdf_of_mjcf(path: Path) -> str:
     # a body's name may stand for a joint too; links get names of their own where it does
     used = set(names[1:])
     links = ["world"] + [_free(f"link of {name}", used) for name in names[1:]]
-    gravity = gravity_of_mjcf(path)
+    gravity, unit = gravity_of_mjcf(path), _stated(path, "compiler", "angle")
+    degrees = unit is None or unit[0] == "degree"
     stated = "" if gravity is None else f' gravity="{_row(gravity)}"'
     lines = [f"<robot name={quoteattr(model.name or path.stem)}{stated}>", f"  <link name={quoteattr(links[0])}/>"]
     for index in range(1, model.njoints):
         lines += _link(links[index], model.inertias[index])
-        lines += _joint(model, index, links)
+        lines += _joint(model, index, links, degrees)
     for frame in model.frames:
         if frame.type == pin.FrameType.BODY and frame.name not in used and frame.name not in links:
             used.add(frame.name)
@@ -164,12 +169,15 @@ def _link(name: str, inertia: Any) -> list[str]:
     ]
 
 
-def _joint(model: Any, index: int, links: list[str]) -> list[str]:
+def _joint(model: Any, index: int, links: list[str], degrees: bool) -> list[str]:
     joint, name = model.joints[index], model.names[index]
     kind, axis = _kind(joint)
     v, q = joint.idx_v, joint.idx_q
     bounds = (model.lowerPositionLimit, model.upperPositionLimit)
-    lower, upper = (float(x[q]) if joint.nq == 1 else math.inf for x in bounds)
+    # Pinocchio counts limits from the joint's `ref`, and turns those of slides, which are in m, from degrees into rad.
+    shift = float(model.referenceConfigurations["qpos0"][q]) if joint.nq == 1 else 0.0
+    unit = math.degrees(1.0) if kind == "P" and degrees else 1.0
+    lower, upper = (unit * (float(x[q]) + shift) if joint.nq == 1 else math.inf for x in bounds)
     limited = joint.nq == 1 and math.isfinite(lower) and math.isfinite(upper) and upper > lower
     word = "prismatic" if kind == "P" else "revolute" if limited else "continuous"
     effort = float(model.upperEffortLimit[v]) if hasattr(model, "upperEffortLimit") else float(model.effortLimit[v])

@@ -1,0 +1,31 @@
+"""A robot read from MJCF moves and is limited as MuJoCo has it."""
+
+import mujoco
+import numpy as np
+import pytest
+
+from frischid.robot.robot import Robot
+
+MJCF = """<mujoco model="arm"><compiler angle="degree"/><option gravity="0 1 -9"/><worldbody>
+<body name="a" pos="0 0 1" euler="10 20 30"><inertial pos="0.1 0 0" mass="2" diaginertia="0.1 0.2 0.15"/>
+<joint name="turn" axis="0 1 1" pos="0.05 0.02 0" {turn} range="-0.9 0.8"/>
+<body name="b" pos="0.4 0 0"><inertial pos="0 0.1 0.1" mass="1" fullinertia="0.1 0.1 0.1 0.01 0.02 0.03"/>
+<joint name="slide" type="slide" axis="1 0 1" {slide} range="-0.3 0.4"/>
+</body></body></worldbody></mujoco>"""
+
+
+@pytest.mark.parametrize("angle", ["degree", "radian"])
+@pytest.mark.parametrize(("turn", "slide"), [("", ""), ('ref="-0.2"', 'ref="0.1"')])
+def test_positions_and_limits_are_those_of_mujoco(turn, slide, angle, tmp_path):
+    """Limits of a joint with `ref` had been counted from there, and a slide's limits had been taken for degrees."""
+    path = tmp_path / "arm.xml"
+    path.write_text(MJCF.format(turn=turn, slide=slide).replace("degree", angle), encoding="utf-8")
+    arm, model = Robot.load(path), mujoco.MjModel.from_xml_path(str(path))
+    np.testing.assert_allclose([arm.limits.lower, arm.limits.upper], model.jnt_range.T)
+    model.opt.disableflags |= mujoco.mjtDisableBit.mjDSBL_LIMIT
+    data, (q, v, a) = mujoco.MjData(model), np.random.default_rng(0).uniform(-0.3, 0.3, (3, 5, 2))
+    expected = []
+    for data.qpos[:], data.qvel[:], data.qacc[:] in zip(q, v, a, strict=True):
+        mujoco.mj_inverse(model, data)
+        expected.append(data.qfrc_inverse.copy())
+    np.testing.assert_allclose(arm.inverse_dynamics(q, v, a), expected, atol=1e-9)
