@@ -15,7 +15,7 @@ from __future__ import annotations
 import math
 import re
 import xml.etree.ElementTree as ET
-from collections.abc import Sequence
+from collections.abc import Iterator, Sequence
 from pathlib import Path
 from typing import Any
 from xml.sax.saxutils import quoteattr
@@ -65,25 +65,51 @@ def gravity_of_mjcf(path: Path) -> tuple[float, float, float] | None:
     return None if found is None else stated_gravity(*found)
 
 
-def _stated(path: Path, element: str, attribute: str, above: Sequence[Path] = ()) -> tuple[str, str] | None:
-    """The last attribute of this name in an MJCF file and in those that it includes, and the file that has it.
+def _stated(path: Path, element: str, attribute: str) -> tuple[str, str] | None:
+    """The last attribute of this name in an MJCF file and in those that it includes, and the file that has it."""
+    found = None
+    for tag, file in _elements(path):
+        if tag.tag == element and attribute in tag.attrib:
+            found = tag.attrib[attribute], str(file)
+    return found
+
+
+def _elements(path: Path, above: Sequence[Path] = ()) -> Iterator[tuple[ET.Element, Path]]:
+    """Elements of an MJCF file and of those that it includes, in order, each with its file.
 
     `above` are the files that include this one, the main file first: names of included files are relative to its
     folder.
     """
     chain = (*above, path)
     try:
-        root, found = ET.parse(path).getroot(), None
+        root = ET.parse(path).getroot()
     except (ET.ParseError, OSError) as error:
         raise InputError(f"{path}: cannot be read as MJCF: {error}") from None
     for tag in root.iter():
-        if tag.tag == element and attribute in tag.attrib:
-            found = tag.attrib[attribute], str(path)
-        elif tag.tag == "include":
-            named = (file.parent / tag.get("file", "") for file in (chain[0], path))
-            inside = next((file for file in named if file.is_file()), path)
-            found = (None if inside in chain else _stated(inside, element, attribute, chain)) or found
-    return found
+        if tag.tag != "include":
+            yield tag, path
+            continue
+        named = (file.parent / tag.get("file", "") for file in (chain[0], path))
+        inside = next((file for file in named if file.is_file()), path)
+        if inside not in chain:
+            yield from _elements(inside, chain)
+
+
+def _refuse_lost_joints(path: Path, names: Sequence[str]) -> None:
+    """Refuse a file of which Pinocchio reads a part: of several bodies in the world, it reads the first alone.
+
+    Raises
+    ------
+    InputError
+        A hinge or slide of the file is not among these names.
+    """
+    joints = (joint for tag, _ in _elements(path) if tag.tag == "body" for joint in tag.findall("joint"))
+    moving = (joint.get("name", "") for joint in joints if joint.get("type", "hinge") in ("hinge", "slide"))
+    if lost := [name for name in moving if name and name not in names]:
+        raise InputError(
+            f"{path}: Pinocchio does not read the joints {', '.join(lost)}: of several bodies in <worldbody> it takes "
+            "the first; put all bodies into one body of the world, or give a file of each robot alone"
+        )
 
 
 def stated_gravity(text: str, source: str) -> tuple[float, float, float]:
@@ -114,7 +140,7 @@ def urdf_of_mjcf(path: Path) -> str:
     Raises
     ------
     InputError
-        Pinocchio cannot read the file, or a joint is neither hinge nor slide.
+        Pinocchio cannot read the file or reads a part of it, or a joint is neither hinge nor slide.
     """
     model = model_of_mjcf(path)
     names = list(model.names)
@@ -125,6 +151,7 @@ def urdf_of_mjcf(path: Path) -> str:
                 f"{path}: joint '{names[index]}' has {joint.nv} degrees of freedom ({joint.shortname()}); frischid "
                 "identifies hinges and slides: remove the base's freejoint, and give each body at most one joint"
             )
+    _refuse_lost_joints(path, names)
     # a body's name may stand for a joint too; links get names of their own where it does
     used = set(names[1:])
     links = ["world"] + [_free(f"link of {name}", used) for name in names[1:]]

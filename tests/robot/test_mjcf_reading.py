@@ -4,6 +4,7 @@ import mujoco
 import numpy as np
 import pytest
 
+from frischid.errors import InputError
 from frischid.robot.robot import Robot
 
 MJCF = """<mujoco model="arm"><compiler angle="degree"/><option gravity="0 1 -9"/><worldbody>
@@ -29,3 +30,15 @@ def test_positions_and_limits_are_those_of_mujoco(turn, slide, angle, tmp_path):
         mujoco.mj_inverse(model, data)
         expected.append(data.qfrc_inverse.copy())
     np.testing.assert_allclose(arm.inverse_dynamics(q, v, a), expected, atol=1e-9)
+
+
+def test_a_second_robot_in_the_world_is_not_lost_silently(tmp_path):
+    """Pinocchio reads the first body of the world only; the other arm had been left out without a word."""
+    path = tmp_path / "two.xml"
+    arm = '<body name="{0}"><joint name="{0} turn" axis="0 1 0"/><geom size="0.1" pos="0.1 0 0"/></body>'
+    both = "".join(map(arm.format, ("left", "right")))
+    path.write_text(f"<mujoco><worldbody>{both}</worldbody></mujoco>", encoding="utf-8")
+    with pytest.raises(InputError, match="does not read the joints right turn"):
+        Robot.load(path)
+    path.write_text(f'<mujoco><worldbody><body name="table">{both}</body></worldbody></mujoco>', encoding="utf-8")
+    assert set(Robot.load(path).joints) == {"left turn", "right turn"}
