@@ -80,10 +80,15 @@ def worst(comparison: Comparison, most: int = 1, above: float = 0.0) -> str:
         return "Under no condition is the error of these logs together larger than chance would make it."
     error = {c: c.ratio * comparison.joints[c.joint].nrmse for c in certain}
     return " ".join(
-        f"The error of {c.joint} is {c.ratio:.1f} × its average {PHRASES.get(c.condition, c.condition)}."
+        f"{_opening(c.condition)}, the error of {c.joint} is {c.ratio:.1f} times its average."
         for c in sorted(certain, key=lambda c: -error[c])[:most]
         if error[c] > above
     )
+
+
+def _opening(condition: str) -> str:
+    phrase = PHRASES.get(condition, condition)
+    return phrase[:1].upper() + phrase[1:]
 
 
 def against(prediction: Prediction, joint: str, variable: str, sliding: bool = False) -> Drawing:

@@ -179,7 +179,7 @@ def prepare(
     if (jitter[jitter < longest] > 1e-3 * median).any():
         notes.append(
             f"{log.source}: steps between {np.diff(log.t).min() * 1e3:.3g} and {np.diff(log.t).max() * 1e3:.3g} ms, "
-            f"put on a uniform {median * 1e3:.3g} ms grid by cubic splines through the true time stamps"
+            f"put on a uniform {median * 1e3:.3g} ms grid by cubic splines through the samples at their time stamps"
         )
     lost = sum(ends_of(median, lowpass)) + len(lowpass.taps(median)) + 1
     least = lost + SPARE_SAMPLES

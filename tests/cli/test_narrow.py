@@ -67,9 +67,9 @@ def test_a_long_cell_of_a_row_by_row_table_is_no_new_row():
 
 
 def test_steps_that_are_all_equal_are_no_range():
-    assert _clock({"steps_ms": (5.0, 5.0, 5.0), "mean_rate_hz": 200.0}) == ["  true rate 200 Hz, every step 5 ms"]
+    assert _clock({"steps_ms": (5.0, 5.0, 5.0), "mean_rate_hz": 200.0}) == ["  mean rate 200 Hz, every step 5 ms"]
     (jitter,) = _clock({"steps_ms": (7.9, 10.0, 12.1), "mean_rate_hz": 100.0})
-    assert jitter == "  true rate 100 Hz, steps 7.9 to 12.1 ms (usual 10 ms)"
+    assert jitter == "  mean rate 100 Hz, steps 7.9 to 12.1 ms (usual 10 ms)"
 
 
 def test_no_zero_has_a_sign():

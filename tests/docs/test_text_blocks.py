@@ -52,8 +52,7 @@ def test_what_the_guides_print_about_a_ur10e(tmp_path, monkeypatch):
     folder = Path(os.environ["FRISCHID_DATA"]) / "ur10e"
     monkeypatch.chdir(tmp_path)
     Path("ur10e.toml").write_text(block("robots/ur10e.md", "toml"), encoding="utf-8")
-    names = ("ident_20s_5harm", "ident_20s_10harm", "ident_30s_12harm", "ident_40s_12harm", "ident_50s_12harm")
-    logs = [str(folder / "logs" / f"{name}.parquet") for name in names]
+    logs = sorted(map(str, (folder / "logs").glob("ident_*.parquet")))  # in the order of the page's ident_*.parquet
     tests = {name: str(folder / "logs" / f"{name}_50s_14harm.parquet") for name in ("unloaded", "loaded_2805g")}
 
     def run(*words):

@@ -143,7 +143,7 @@ def test_true_time_stamps_are_ten_times_better_than_their_mean():
     assert errors[0] < 1e-3
     assert errors[0] < 0.1 * errors[1]
     notes = prepare(log_of(t, np.sin(w * t)), LowPass(5.0)).notes
-    assert any("steps between 10 and 12 ms" in n and "true time stamps" in n for n in notes)
+    assert any("steps between 10 and 12 ms" in n and "through the samples at their time stamps" in n for n in notes)
 
 
 def test_uniform_stamps_are_left_alone():

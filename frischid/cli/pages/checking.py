@@ -129,9 +129,10 @@ def _headline(source: str, facts: Mapping[str, Any]) -> str:
     if "samples" not in facts:
         return f"[bold]{escape(source)}[/bold]: cannot be read as it is"
     channels = ", ".join(("q", *facts.get("channels", ())))
+    rate = facts["rate_hz" if facts.get("gaps") or "mean_rate_hz" not in facts else "mean_rate_hz"]
     return (
         f"[bold]{escape(source)}[/bold]: {facts['samples']} samples, {facts['seconds']:.4g} s at "
-        f"{facts['rate_hz']:.4g} Hz, "
+        f"{rate:.4g} Hz, "
         f"{counted(len(facts.get('joints', ())), 'joint')}, channels {channels}"
     )
 
@@ -142,10 +143,11 @@ def _clock(facts: Mapping[str, Any]) -> list[str]:
     low, usual, high = facts["steps_ms"]
     least, most, middle = (f"{step:.4g}" for step in (low, high, usual))
     steps = f"every step {middle} ms" if least == most else f"steps {least} to {most} ms (usual {middle} ms)"
-    words = f"  true rate {facts['mean_rate_hz']:.4g} Hz, {steps}"
+    words = f"  mean rate {facts['mean_rate_hz']:.4g} Hz, {steps}"
     if "stamps_follow" in facts:
         words += f", jitter {percent(facts['jitter'], 1)} of a step; the positions follow it by a factor of "
-        words += f"{rounded(facts['stamps_follow'], facts['stamps_follow_error'])} (1: stamps are true)"
+        words += rounded(facts["stamps_follow"], facts["stamps_follow_error"])
+        words += " (1: the stamps are the times of measurement)"
     if facts.get("missing_share"):
         words += f"; {percent(facts['missing_share'], 1)} of the samples missing"
     again = facts.get("comes_again_after")
