@@ -112,6 +112,29 @@ def _refuse_lost_joints(path: Path, names: Sequence[str]) -> None:
         )
 
 
+def _refuse_unread_masses(path: Path) -> None:
+    """Refuse compiler settings that change masses in MuJoCo and that Pinocchio does not read.
+
+    Raises
+    ------
+    InputError
+        The file states ``settotalmass``, or ``inertiagrouprange`` for bodies whose masses follow from their shapes.
+    """
+    inertials = [tag.find("inertial") is not None for tag, _ in _elements(path) if tag.tag == "body"]
+    of_shapes = not all(inertials) or (_stated(path, "compiler", "inertiafromgeom") or ("",))[0] == "true"
+    total = _stated(path, "compiler", "settotalmass")
+    for setting, matters in (
+        ("settotalmass", total is not None and not total[0].strip().startswith("-")),
+        ("inertiagrouprange", of_shapes and _stated(path, "compiler", "inertiagrouprange") is not None),
+    ):
+        if matters:
+            raise InputError(
+                f"{path}: Pinocchio does not read {setting} of <compiler>, so its masses differ from MuJoCo's; "
+                'state the <inertial> of every body and remove the setting (with saveinertial="true" in <compiler>, '
+                "mujoco.mj_saveLastXML writes them)"
+            )
+
+
 def stated_gravity(text: str, source: str) -> tuple[float, float, float]:
     """Three numbers of an attribute ``gravity``, m/s²; `source` names the file in the message.
 
@@ -140,7 +163,8 @@ def urdf_of_mjcf(path: Path) -> str:
     Raises
     ------
     InputError
-        Pinocchio cannot read the file or reads a part of it, or a joint is neither hinge nor slide.
+        Pinocchio cannot read the file or reads a part of it, its masses would be others than MuJoCo's, or a joint is
+        neither hinge nor slide.
     """
     model = model_of_mjcf(path)
     names = list(model.names)
@@ -152,6 +176,7 @@ def urdf_of_mjcf(path: Path) -> str:
                 "identifies hinges and slides: remove the base's freejoint, and give each body at most one joint"
             )
     _refuse_lost_joints(path, names)
+    _refuse_unread_masses(path)
     # a body's name may stand for a joint too; links get names of their own where it does
     used = set(names[1:])
     links = ["world"] + [_free(f"link of {name}", used) for name in names[1:]]

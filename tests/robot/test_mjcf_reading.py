@@ -42,3 +42,18 @@ def test_a_second_robot_in_the_world_is_not_lost_silently(tmp_path):
         Robot.load(path)
     path.write_text(f'<mujoco><worldbody><body name="table">{both}</body></worldbody></mujoco>', encoding="utf-8")
     assert set(Robot.load(path).joints) == {"left turn", "right turn"}
+
+
+@pytest.mark.parametrize("setting", ["settotalmass", "inertiagrouprange"])
+def test_masses_that_pinocchio_would_read_otherwise_are_refused(setting, tmp_path):
+    """The torque of an arm had been that of shapes that do not count."""
+    path, value = tmp_path / "arm.xml", {"settotalmass": "7", "inertiagrouprange": "0 1"}[setting]
+    body = '<body name="a"><joint name="turn" axis="0 1 0"/>{}<geom size="0.1" pos="0.1 0 0" group="3"/></body>'
+    text = f'<mujoco><compiler {setting}="{value}"/><worldbody>{body}</worldbody></mujoco>'
+    path.write_text(text.format('<geom size="0.1" group="0"/>'), encoding="utf-8")
+    with pytest.raises(InputError, match=f"does not read {setting}"):
+        Robot.load(path)
+    inertial = '<inertial pos="0.1 0 0" mass="2" diaginertia="0.1 0.2 0.15"/>'
+    path.write_text(text.format(inertial), encoding="utf-8")
+    if setting == "inertiagrouprange":  # inertials that are stated stay
+        assert Robot.load(path).nominal[0] == 2.0

@@ -69,7 +69,7 @@ def amperes(found: Sequence[JointCurrents], robot: Robot) -> Table:
     """What each joint draws, in amperes."""
     slides = dict(zip(robot.joints, robot.prismatic.tolist(), strict=True))
     viscous, rotor = (_units(f"{unit}/{'m' if slides[x.joint] else 'rad'}" for x in found) for unit in ("A·s", "A·s²"))
-    table = table_of("current of", f"viscous {viscous}", "Coulomb A", f"rotor {rotor}", "holds still A")
+    table = table_of("current of", f"viscous {viscous}", "Coulomb A", f"rotor {rotor}", "to hold still A")
     for x in found:
         low, high = x.holding
         pairs = (_pair(x.viscous), _pair(x.coulomb), _pair(x.armature))
