@@ -131,7 +131,9 @@ def _arrival(log: Log, step: Array, usual: float, notes: Notebook) -> None:
         return
     told, weight, steps = (x[inside] for x in (*_told_by_positions(log.q[:, able], log.t, window), step))
     mean = ndimage.uniform_filter1d(steps, window)
-    use = (steps < 3 * usual) & (weight > np.median(weight)) & (weight > 0)
+    # Beside a gap that is longer than the window, the mean step and the mean speed are those of nothing.
+    whole = ndimage.maximum_filter1d(step, 2 * window + 1)[inside] < window * step.mean()
+    use = (steps < 3 * usual) & (weight > np.median(weight)) & (weight > 0) & whole
     if use.sum() < criteria.enough_samples:
         return
     w = np.minimum(weight[use], np.quantile(weight[use], 0.9))

@@ -27,6 +27,7 @@ from frischid.logs.filters import LowPass
 from frischid.logs.log import Log
 from frischid.logs.poses import is_static
 from frischid.logs.preprocessing import Motion, prepare
+from frischid.logs.time_grid import even_times
 from frischid.logs.wraps import unwrapped, wraps_of
 from frischid.regression.base_parameters import Reduction
 from frischid.robot.robot import Robot
@@ -116,8 +117,8 @@ def inspect(
     if any(f.blocks for f in notes.issues):
         return notes.report(log.source)
     if notes.facts.get("stamps_follow", 1.0) < criteria.untrusted_slope:
-        # Stamps of arrival are worse than even ones: the later checks use the mean step.
-        log, prepared = replace(log, t=np.linspace(log.t[0], log.t[-1], len(log))), None
+        # Stamps of arrival are worse than even ones: the later checks use the mean step between gaps.
+        log, prepared = replace(log, t=even_times(log.t, criteria.position_window)), None
     lowpass = choose_lowpass([log], robot.joints) if prepared is None else prepared[0]
     coarse = LowPass(min(lowpass.cutoff or criteria.sketch_cutoff, criteria.sketch_cutoff))
     check_velocity(log, coarse, notes)

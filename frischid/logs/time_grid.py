@@ -78,14 +78,35 @@ def retimed(log: Log) -> Log:
     moving = np.ptp(log.q, axis=0) > 0
     if not moving.any():
         return log
-    bounds = [0, *(np.flatnonzero(steps > LONGEST_BURST * steps.mean()) + 1).tolist(), len(log.t)]
-    stretches = [slice(a, b) for a, b in pairwise(bounds)]
+    stretches = _stretches(log.t, LONGEST_BURST * float(steps.mean()))
     regular = np.concatenate([_clock(log.t[stretch], float(np.median(steps))) for stretch in stretches])
     longest = max(stretches, key=lambda stretch: stretch.stop - stretch.start)
     q = log.q[longest][:, moving]
     stamped, clocked = (noise_level(uniform(t[longest], q)[1]) for t in (log.t, regular))
     share = np.median(clocked**2 / np.maximum(stamped**2, 1e-300))
     return replace(log, t=regular) if share < 1 - CLOCK_NOISE else log
+
+
+def even_times(t: Array, longest: float) -> Array:
+    """Even steps in place of stamps (N,), s, from gap to gap; a gap is a step of more than `longest` mean ones.
+
+    Examples
+    --------
+    >>> import numpy as np
+    >>> from frischid.logs.time_grid import even_times
+    >>> t = np.append(0.01 * np.arange(500), 7.0 + 0.01 * np.arange(500))  # with a gap of two seconds
+    >>> stamps = t + 0.001 * np.random.default_rng(0).uniform(-1, 1, 1000)
+    >>> bool(np.abs(even_times(stamps, 30.0) - t).max() < 0.002)
+    True
+    """
+    parts = _stretches(t, longest * float(np.diff(t).mean()))
+    return np.concatenate([np.linspace(t[part][0], t[part][-1], len(t[part])) for part in parts])
+
+
+def _stretches(t: Array, longest: float) -> list[slice]:
+    """Stretches of stamps without a step above `longest`, s."""
+    bounds = [0, *(np.flatnonzero(np.diff(t) > longest) + 1).tolist(), len(t)]
+    return [slice(a, b) for a, b in pairwise(bounds)]
 
 
 def _clock(t: Array, step: float) -> Array:
