@@ -8,8 +8,9 @@ because a spline across the gap would invent samples.
 **Stamps that jitter.** A controller often samples at a regular rate, but the stamps are made later, on a busy computer.
 An error ε of the stamp then looks like an error ``q̇ ε`` of the position. A position that moves smoothly tells the two
 cases apart: with the stamps, or with a regular clock, it has less noise. The clock counts steps and is fitted to the
-stamps, ``t_i ≈ t_0 + h k_i`` with k_i the steps so far, so lost samples stay lost. Each stretch without a long gap has
-its own clock, and the longest stretch decides: across such a gap there is no noise to compare, and no step to count.
+stamps, ``t_i ≈ t_0 + h k_i`` with k_i the steps so far, so lost samples stay lost. The count is right only if the
+stamps jitter about the clock, and do not move away from it for longer. Each stretch without a long gap has its own
+clock, and the longest stretch decides: across such a gap there is no noise to compare, and no step to count.
 
 Source: C. de Boor, "A Practical Guide to Splines", 1978.
 """
@@ -21,6 +22,7 @@ from itertools import pairwise
 
 import numpy as np
 from numpy.typing import NDArray
+from scipy import ndimage
 from scipy.interpolate import make_interp_spline
 
 from frischid.core.types import Array
@@ -31,6 +33,10 @@ LEAST_JITTER = 1e-3
 """Jitter of the steps, share of the median step, below which stamps count as regular: rounding in a file."""
 CLOCK_NOISE = 0.5
 """Share of the positions' noise power, in the median joint, that must vanish before a regular clock replaces stamps."""
+SLOW = 64
+"""Samples over which the distance of the stamps from a clock is averaged: jitter vanishes in this mean."""
+AROUND = 8
+"""Samples before and after a step that tell whether samples were lost in it."""
 LONGEST_BURST = 100
 """Mean steps. A busy computer stamps so many samples late, all at once; in a longer step nothing was sampled."""
 
@@ -84,7 +90,14 @@ def retimed(log: Log) -> Log:
     q = log.q[longest][:, moving]
     stamped, clocked = (noise_level(uniform(t[longest], q)[1]) for t in (log.t, regular))
     share = np.median(clocked**2 / np.maximum(stamped**2, 1e-300))
-    return replace(log, t=regular) if share < 1 - CLOCK_NOISE else log
+    right = share < 1 - CLOCK_NOISE and _is_jitter(log.t[longest] - regular[longest])
+    return replace(log, t=regular) if right else log
+
+
+def _is_jitter(late: Array) -> bool:
+    """Whether stamps jitter about a clock: a late stamp moves itself alone, a wrong count of steps all later stamps."""
+    slow = ndimage.uniform_filter1d(late, SLOW)
+    return bool(slow.std() <= (late - slow).std())
 
 
 def even_times(t: Array, longest: float) -> Array:
@@ -113,8 +126,33 @@ def _clock(t: Array, step: float) -> Array:
     """The regular clock nearest to the stamps of a stretch without a gap; lost samples are counted."""
     if len(t) < FEWEST_SAMPLES:
         return t
-    counted = np.append(0.0, np.cumsum(np.maximum(np.round(np.diff(t) / step), 1.0)))
-    return np.asarray(np.polynomial.Polynomial.fit(counted, t, 1)(counted))
+    for _ in range(2):  # the second time with the step that follows from the first count
+        counted = np.arange(len(t)) + _lost(t, step)
+        clock = np.polynomial.Polynomial.fit(counted, t, 1)
+        step = float(clock.deriv()(counted[0]))
+    return np.asarray(clock(counted))
+
+
+def _lost(t: Array, step: float) -> NDArray[np.intp]:
+    """Samples lost before each sample, (N,): a loss moves all later stamps, and a late stamp only itself.
+
+    The stamps less the steps so far rise by a whole step at a loss. The lowest of the next `AROUND` and the lowest of
+    those before tell this from a burst of late stamps, and the medians from jitter to both sides.
+    """
+    moved, lost, n = t / step - np.arange(len(t)), np.zeros(len(t), dtype=np.intp), min(AROUND, len(t) - 1)
+    windows = np.lib.stride_tricks.sliding_window_view(np.pad(moved, n, mode="reflect"), n)
+    low, middle = windows.min(axis=1), np.median(windows, axis=1)
+    # at each sample, from the n samples before it to the n from it on
+    rises = np.minimum(low[n:] - low[:-n], middle[n:] - middle[:-n])[: len(t)]
+    for k in np.flatnonzero(rises > 0.5).tolist():
+        before, after = moved[max(0, k - n) : k], moved[k : k + n]
+        if not len(before):
+            continue
+        count = min(round(after.min() - before.min()), round(float(np.median(after) - np.median(before))))
+        if count > 0:
+            moved[k:] -= count
+            lost[k:] += count
+    return lost
 
 
 def uniform(t: Array, *channels: Array) -> tuple[Array, ...]:

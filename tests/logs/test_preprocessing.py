@@ -507,6 +507,32 @@ def test_stamps_that_the_positions_follow_are_kept():
     assert retimed(still) is still
 
 
+@pytest.mark.parametrize("lost", [0.0, 0.01])
+@pytest.mark.parametrize("jitter", ["uniform", "late", "normal"])
+def test_large_jitter_is_no_lost_sample(jitter, lost):
+    """Steps of more than one and a half had counted as two: the clock was ten times farther off than the stamps."""
+    rng, t = np.random.default_rng(1), 0.01 * np.arange(2001)
+    t = t[rng.random(len(t)) >= lost]
+    late = {
+        "uniform": rng.uniform(-0.3, 0.3, len(t)),
+        "late": np.minimum(rng.exponential(0.15, len(t)), 0.9),
+        "normal": rng.normal(0.0, 0.1, len(t)),
+    }[jitter]
+    stamps = np.sort(t + 0.01 * late)
+    off = retimed(Log(stamps, ("a",), np.sin(3 * t)[:, None])).t - t
+    # beside a loss, a jitter of a third of a step leaves no sure count: the clock is then no worse than the stamps
+    assert off.std() <= (1.0 if lost else 0.1) * (stamps - t).std()
+
+
+def test_a_clock_that_the_stamps_leave_for_long_is_none():
+    """Rows that repeat others (5 %) are no samples of a regular clock, and many samples are lost (8 %)."""
+    rng, t = np.random.default_rng(0), 0.001 * np.arange(20000)
+    rows = np.sort(np.append(rng.choice(len(t), 18400, replace=False), rng.choice(len(t), 1000, replace=False)))
+    stamps = np.sort(t[rows] + 4e-4 * rng.random(len(rows))) + 1e-9 * np.arange(len(rows))
+    off = retimed(Log(stamps, ("a",), np.sin(3 * t[rows])[:, None])).t - t[rows]
+    assert off.std() < 2 * (stamps - t[rows]).std()
+
+
 def test_the_clock_of_each_stretch_is_judged_without_the_gap_between_them():
     """Across an hour's gap nothing was sampled: there is no noise to compare, and no memory for samples in it."""
     t = np.concatenate([0.001 * np.arange(900), 3600.0004 + 0.001 * np.arange(600)])
