@@ -12,8 +12,13 @@ the robot there (a studentised residual).
 
 A *burst* is a stretch of time with z_j > 6 in which z_j exceeds 30 at least once. A contact also biases the parameters.
 So bursts are those beside a robust fit (`robust_fit`). Then the parameters are fitted again without the bursts, and the
-bursts are searched again, until they stay the same (a trimmed estimate). Bursts that return with the state of their
-joint are no contacts (`contacts_that_return`).
+bursts are searched again, until they stay the same (a trimmed estimate).
+
+Bursts that return with the state of their joint are no contacts (`contacts_that_return`). Nor is a burst where joints
+reverse, if its energy is at most that of dry friction, which is undetermined there. The bursts must hold most of the
+error above the noise; otherwise only a strong burst on more than one joint is a contact, since a push turns all joints
+before the touched link. The filter spreads a push, so a contact lasts where the residual has half of its largest value,
+while the fit leaves out the whole burst.
 
 Sources: Rousseeuw and Leroy 1987, Robust Regression and Outlier Detection, Wiley; Cook 1977, "Detection of influential
 observation in linear regression", Technometrics 19(1).
@@ -28,6 +33,7 @@ import numpy as np
 from scipy import ndimage
 
 from frischid.core.types import Array
+from frischid.diagnosis.cached_motion import Stretch
 from frischid.diagnosis.candidate_columns import Candidate
 from frischid.diagnosis.contacts_that_return import returning_share
 from frischid.diagnosis.criteria import DiagnosisCriteria
@@ -50,7 +56,7 @@ class Contact:
     source : str
         The log.
     start, stop : float
-        s
+        s. There the residual has half of its largest value.
     joints : list of str
         Joints whose torque shows the contact.
     strength : float
@@ -64,12 +70,28 @@ class Contact:
     strength: float
 
 
-def stretches(contacts: Sequence[Contact]) -> list[tuple[str, float, float]]:
-    """The contacts as `CrossValidator.without` takes them: source, start, stop."""
-    return [(c.source, c.start, c.stop) for c in contacts]
+@dataclass(frozen=True)
+class Burst:
+    """A contact, and the longer stretch over which the filter spreads the contact's torque.
+
+    Attributes
+    ----------
+    contact : Contact
+    start, stop : float
+        s. The fit leaves this stretch out.
+    """
+
+    contact: Contact
+    start: float
+    stop: float
 
 
-def find_contacts(validator: CrossValidator, floor: Array) -> list[Contact]:
+def stretches(bursts: Sequence[Burst]) -> list[Stretch]:
+    """The bursts as `CrossValidator.without` takes them: source, start, stop."""
+    return [(b.contact.source, b.start, b.stop) for b in bursts]
+
+
+def find_contacts(validator: CrossValidator, floor: Array) -> list[Burst]:
     """Find bursts of the residual in logs that the model otherwise explains.
 
     Parameters
@@ -80,16 +102,21 @@ def find_contacts(validator: CrossValidator, floor: Array) -> list[Contact]:
 
     Returns
     -------
-    list of Contact
+    list of Burst
     """
     found, rest, theta = _trimmed(validator, floor)
-    strongest = max((c.strength for c in found if 2 * len(c.joints) > len(validator.joints)), default=0.0)
-    if strongest <= validator.criteria.strong_push and not _stands_out(validator, rest, floor, theta):
-        return []
+    if not _stands_out(validator, rest, floor, theta):
+        found = [burst for burst in found if _strong(validator, burst.contact)]
     return [] if _return(validator, rest, found) else found
 
 
-def bursts_of(validator: CrossValidator, floor: Array) -> list[Contact]:
+def _strong(validator: CrossValidator, contact: Contact) -> bool:
+    """Whether it must be a push: it turns all joints before the touched link, while a fault of a drive shows on one."""
+    several = len(contact.joints) >= min(2, len(validator.joints))
+    return several and contact.strength > validator.criteria.strong_push
+
+
+def bursts_of(validator: CrossValidator, floor: Array) -> list[Burst]:
     """Bursts that do not return with the motion, whatever share of the error they hold.
 
     Parameters
@@ -101,9 +128,9 @@ def bursts_of(validator: CrossValidator, floor: Array) -> list[Contact]:
     return [] if _return(validator, rest, found) else found
 
 
-def _trimmed(validator: CrossValidator, floor: Array) -> tuple[list[Contact], CrossValidator, Array]:
+def _trimmed(validator: CrossValidator, floor: Array) -> tuple[list[Burst], CrossValidator, Array]:
     """Bursts, none where they are too long; the fit without them; and the robust parameters that show them."""
-    found: list[Contact] = []
+    found: list[Burst] = []
     rest, unit = validator, np.maximum(floor, validator.criteria.smallest_error * validator.spread)
     for _ in range(_ROUNDS):
         theta = robust_parameters(rest, unit)
@@ -117,18 +144,18 @@ def _trimmed(validator: CrossValidator, floor: Array) -> tuple[list[Contact], Cr
     return found, rest, theta
 
 
-def _return(validator: CrossValidator, rest: CrossValidator, found: Sequence[Contact]) -> bool:
+def _return(validator: CrossValidator, rest: CrossValidator, found: Sequence[Burst]) -> bool:
     """Whether bursts return with the state of their joint."""
     return returning_share(validator, rest, stretches(found)) > validator.criteria.returning_share
 
 
-def _short(validator: CrossValidator, found: Sequence[Contact]) -> bool:
+def _short(validator: CrossValidator, found: Sequence[Burst]) -> bool:
     """Whether the bursts of every log are short enough together to be events."""
     criteria, data = validator.criteria, validator.data
-    for source in {c.source for c in found}:
-        here = [c for c in found if c.source == source]
+    for source in {b.contact.source for b in found}:
+        here = [b for b in found if b.contact.source == source]
         length = sum(t[-1] - t[0] for s, t in zip(data.sources, data.times, strict=True) if s == source)
-        if sum(c.stop - c.start for c in here) > criteria.max_contact_share * length:
+        if sum(b.stop - b.start for b in here) > criteria.max_contact_share * length:
             return False
     return bool(found)
 
@@ -145,20 +172,22 @@ def _stands_out(validator: CrossValidator, rest: CrossValidator, floor: Array, t
     return inside > max(criteria.half_explained * (whole - noise), (criteria.floor_tolerance - 1) * noise)
 
 
-def _bursts(validator: CrossValidator, rest: CrossValidator, theta: Array, unit: Array) -> list[Contact]:
+def _bursts(validator: CrossValidator, rest: CrossValidator, theta: Array, unit: Array) -> list[Burst]:
     """Bursts in all rows under some parameters; `unit`, (J,): least robust standard deviation, N·m (N)."""
     data, scale = validator.data, np.maximum(_robust_spread(rest, theta), unit)
+    dry = data.cache.regressor.dry[list(validator.model.torque_index)]
     covariance = rest.fit.covariance
-    found: list[Contact] = []
+    found: list[Burst] = []
     motions = zip(data.sources, data.times, speeds(validator), strict=True)
     for number, (source, t, speed) in enumerate(motions):
-        z = np.zeros((len(t), len(scale)))
+        z, friction = np.zeros((2, len(t), len(scale)))
         for row, noise in enumerate(scale):
             joint, active = data.of_motion(row, number), data.cache.active[row]
             variance = np.einsum("ni,ij,nj->n", joint.Y, covariance[np.ix_(active, active)], joint.Y, optimize=True)
             error = joint.tau - validator.columns.predicted(joint, theta)
-            z[joint.picked, row] = error / np.sqrt(noise**2 + variance)
-        found += _of_motion(source, t, z**2, speed, validator)
+            sigma = np.sqrt(noise**2 + variance)
+            z[joint.picked, row], friction[joint.picked, row] = error / sigma, dry[row] / sigma
+        found += _of_motion(source, t, z**2, friction**2, speed, validator)
     return found
 
 
@@ -169,10 +198,13 @@ def _robust_spread(rest: CrossValidator, theta: Array) -> list[float]:
     return [_MAD_TO_STD * float(np.median(np.abs(x))) for x in left]
 
 
-def _of_motion(source: str, t: Array, squares: Array, speed: Array, validator: CrossValidator) -> list[Contact]:
-    """Bursts of one motion; `squares` (N, J) in robust units, `speed` (N, J) over the rms speed."""
+def _of_motion(
+    source: str, t: Array, squares: Array, friction: Array, speed: Array, validator: CrossValidator
+) -> list[Burst]:
+    """Bursts of one motion: squares of residual and dry friction in robust units, and speed over its rms, (N, J)."""
     criteria, joints = validator.criteria, validator.joints
     step = float(np.median(np.diff(t))) if len(t) > 1 else 1.0
+    reach = len(validator.model.lowpass.taps(step))  # samples over which the filter spreads a contact
     smooth = ndimage.uniform_filter1d(squares, max(1, round(criteria.burst_seconds / step)), axis=0)
     total = smooth.max(axis=1)
     labels, count = ndimage.label(total > criteria.burst_edge)
@@ -182,19 +214,22 @@ def _of_motion(source: str, t: Array, squares: Array, speed: Array, validator: C
         if total[where].max() < criteria.burst_energy:
             continue
         energy = squares[where]
-        if _at_reversals(energy, speed[where], criteria):
+        if _at_reversals(energy, friction[where], speed[where], criteria):
             continue
         touched = [joints[j] for j in np.flatnonzero(smooth[where].max(axis=0) > criteria.burst_edge).tolist()]
         margin = criteria.burst_seconds / 2  # as far as the smoothing reaches
-        start, stop = float(t[where[0]]) - margin, float(t[where[-1]]) + margin
-        strength = float(np.sqrt(total[where].max()))
-        found.append(Contact(source, start, stop, touched, strength))
+        largest = ndimage.maximum_filter1d(energy, 2 * reach - 1, axis=0, mode="constant")
+        half = where[np.any((energy > largest / 4) & (energy > criteria.burst_edge), axis=1)]
+        contact = Contact(source, float(t[half[0]]), float(t[half[-1]]), touched, float(np.sqrt(total[where].max())))
+        found.append(Burst(contact, float(t[where[0]]) - margin, float(t[where[-1]]) + margin))
     return found
 
 
-def _at_reversals(energy: Array, speed: Array, criteria: DiagnosisCriteria) -> bool:
-    """Whether a burst lies where joints stop or start: there dry friction is undetermined, so it is no contact."""
-    return float((energy * np.abs(speed)).sum()) < criteria.slow_speed * float(energy.sum())
+def _at_reversals(energy: Array, friction: Array, speed: Array, criteria: DiagnosisCriteria) -> bool:
+    """Whether a burst lies where joints stop or start, and is no larger than the dry friction there."""
+    slow = float((energy * np.abs(speed)).sum()) < criteria.slow_speed * float(energy.sum())
+    largest = np.maximum(friction.sum(axis=0), criteria.burst_edge * len(energy))
+    return slow and bool(np.all(energy.sum(axis=0) <= largest))
 
 
 # ---------------------------------------------------------------------- bursts without a contact

@@ -159,7 +159,7 @@ def _touched(
     every = [excerpt(log).log for log in (*own, *logs)]
     both, _ = cross_validator(model, every, "always", criteria=criteria)
     here, found = {log.source for log in logs}, bursts_of(both, Floor.of(both).noise)
-    return bool(found) and all(burst.source in here for burst in found)
+    return bool(found) and all(burst.contact.source in here for burst in found)
 
 
 def logs_before_change(model: Model, valid: Sequence[Log | Recording] = ()) -> tuple[Log | Recording, ...]:

@@ -37,7 +37,7 @@ def stages(
         situation,
         noise,
         floor.without_effects(noise),
-        tuple(contacts),
+        tuple(burst.contact for burst in contacts),
         tuple(findings),
         ranking,
         unmodelled,

@@ -32,21 +32,21 @@ class Hurried:
         return q, v * rate, a * rate**2 + v * slope
 
 
-def bursts(effects, push=0.0, **values):
-    """Contacts that are found in two slow logs, one of which has a fast stretch."""
+def bursts(effects, push=0.0, hurried=True, **values):
+    """Contacts that are found in two slow logs, one of which may have a fast stretch."""
     hidden = (*fr.BASELINE, *fr.parse_effects(effects)) if effects else fr.BASELINE
     logs = []
     for seed in (1, 2):
         path = fr.random_fourier(UR5, 60, seed=seed)
-        motion = Hurried(path) if seed == 1 else path
+        motion = Hurried(path) if hurried and seed == 1 else path
         log = fr.simulate(
             UR5, motion, rate=100, effects=hidden, parameters=DRY | values, noise=fr.Noise(q=1e-5, tau=0.03), seed=seed
         )
         tau = np.array(log.tau)
-        tau += push * ((log.t > 20) & (log.t < 21) & (seed == 1))[:, None]
+        tau += np.multiply(push, ((log.t > 20) & (log.t < 21) & (seed == 1))[:, None])
         logs.append(fr.Log(log.t, log.joints, log.q, tau=tau, source=f"log {seed}"))
     validator, _ = cross_validator(fr.identify(UR5, logs, recursion="none").model, logs)
-    return find_contacts(validator, Floor.of(validator).noise)
+    return [burst.contact for burst in find_contacts(validator, Floor.of(validator).noise)]
 
 
 def test_a_spring_that_the_model_lacks_is_no_contact():
@@ -64,6 +64,28 @@ def test_a_push_in_an_ordinary_stretch_is_one():
     found = bursts("", push=3.0)
     assert [(round(c.start), round(c.stop)) for c in found] == [(20, 21)]
     assert len(found[0].joints) == 6
+
+
+def test_a_push_on_a_middle_link_shows_beside_effects_that_the_model_lacks():
+    """It turns the joints before the touched link only. The errors of the wrists are larger together."""
+    missing = ",".join(f"joint_spring@wrist_{i}_joint" for i in (1, 2, 3))
+    found = bursts(missing, push=[4.0, 4.0, 4.0, 0, 0, 0], hurried=False, ks4=0.5, ks5=0.5, ks6=0.5)
+    assert [(round(c.start), round(c.stop)) for c in found] == [(20, 21)]
+
+
+def test_a_push_on_a_slow_joint_is_larger_than_its_friction():
+    """At reversals dry friction is undetermined, but no larger than at other times."""
+    machine = fr.Robot.load("planar2")
+    motion = fr.random_fourier(machine, 30, seed=3)
+    log = fr.simulate(machine, motion, rate=100, parameters={"fc1": 0.2}, noise=fr.Noise(q=1e-6, tau=0.01), seed=3)
+    slow = np.abs(motion(log.t)[1][:, 0])
+    middle = log.t[200 + np.argmin(np.convolve(slow, np.ones(40), "same")[200:-200])]
+    tau = np.array(log.tau)
+    tau[:, 0] += 2.0 * np.exp(-(((log.t - middle) / 0.15) ** 2))
+    logs = [fr.Log(log.t, log.joints, log.q, tau=tau, source="pushed")]
+    validator, _ = cross_validator(fr.identify(machine, logs, recursion="none").model, logs)
+    (burst,) = find_contacts(validator, Floor.of(validator).noise)
+    assert burst.start < middle < burst.stop
 
 
 @pytest.mark.parametrize("share", [0.1, 0.2])
