@@ -19,6 +19,7 @@ from __future__ import annotations
 
 from dataclasses import replace
 from itertools import pairwise
+from statistics import median
 
 import numpy as np
 from numpy.typing import NDArray
@@ -139,20 +140,24 @@ def _lost(t: Array, step: float) -> NDArray[np.intp]:
     The stamps less the steps so far rise by a whole step at a loss. The lowest of the next `AROUND` and the lowest of
     those before tell this from a burst of late stamps, and the medians from jitter to both sides.
     """
-    moved, lost, n = t / step - np.arange(len(t)), np.zeros(len(t), dtype=np.intp), min(AROUND, len(t) - 1)
+    moved, n = t / step - np.arange(len(t)), min(AROUND, len(t) - 1)
     windows = np.lib.stride_tricks.sliding_window_view(np.pad(moved, n, mode="reflect"), n)
     low, middle = windows.min(axis=1), np.median(windows, axis=1)
     # at each sample, from the n samples before it to the n from it on
     rises = np.minimum(low[n:] - low[:-n], middle[n:] - middle[:-n])[: len(t)]
+    counts, values = np.zeros(len(t), dtype=np.intp), moved.tolist()
+    before: list[float] = []  # of each sample so far, less the samples lost before it
+    total = 0
     for k in np.flatnonzero(rises > 0.5).tolist():
-        before, after = moved[max(0, k - n) : k], moved[k : k + n]
-        if not len(before):
+        before += [value - total for value in values[len(before) : k]]
+        if not before:
             continue
-        count = min(round(after.min() - before.min()), round(float(np.median(after) - np.median(before))))
+        earlier, later = before[-n:], [value - total for value in values[k : k + n]]
+        count = min(round(min(later) - min(earlier)), round(median(later) - median(earlier)))
         if count > 0:
-            moved[k:] -= count
-            lost[k:] += count
-    return lost
+            counts[k] = count
+            total += count
+    return np.cumsum(counts)
 
 
 def uniform(t: Array, *channels: Array) -> tuple[Array, ...]:
