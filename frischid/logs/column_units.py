@@ -7,7 +7,7 @@ import re
 import numpy as np
 
 from frischid.core.types import Array
-from frischid.logs.column_names import unit_of
+from frischid.logs.column_words import unit_of
 from frischid.logs.proposal import Proposal
 from frischid.logs.table import Table
 from frischid.logs.wraps import TURN
