@@ -118,7 +118,9 @@ def _by_units(found: Mapping[str, tuple[str | None, str]]) -> dict[str, tuple[st
     by_unit: dict[str, dict[str, list[str]]] = {}
     for name, (channel, _) in found.items():
         own, words = CHANNEL_OF_UNIT.get(unit_of(name)[0]), _without_unit(name)
-        if channel is None and own is not None and not set(words) & (OTHER_WORDS | SETPOINT_WORDS):
+        # "A1 [deg]" is an angle of axis A1; a single letter is a weaker word than a unit
+        told = channel is not None and (own == channel or any(len(w) > 1 and w in ALL_CHANNEL_WORDS for w in words))
+        if not told and own is not None and not set(words) & (OTHER_WORDS | SETPOINT_WORDS):
             by_unit.setdefault(own, {})[name] = words
     named: dict[str, tuple[str | None, str]] = {}
     for channel, columns in by_unit.items():

@@ -337,6 +337,11 @@ NAMES_WITH_UNITS = {
         ["dJ1 [rad/s]", "dJ2 [m/s]", "dJ3 [rad/s]"],
         ["M1 [Nm]", "F2 [N]", "M3 [Nm]"],
     ),
+    "axes A": (
+        ["A1 [rad]", "A2 [m]", "A3 [rad]"],
+        ["A1 [rad/s]", "A2 [m/s]", "A3 [rad/s]"],
+        ["A1 [Nm]", "A2 [N]", "A3 [Nm]"],
+    ),
     "a force beside torques": (["q1", "q2", "q3"], ["qd1", "qd2", "qd3"], ["tau1 (Nm)", "f2 (N)", "tau3 (Nm)"]),
     "dots": (["q_1", "q_2", "q_3"], ["q_dot_1", "q_dot_2", "q_dot_3"], ["tau_1", "tau_2", "tau_3"]),
     "short words": (
