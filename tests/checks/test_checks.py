@@ -283,6 +283,18 @@ def test_wrong_robot_and_wrong_mounting():
     assert "(0, -2.9, -9.37) m/s²" in kinds(machine("panda"), log)["mounting"].what
 
 
+@pytest.mark.parametrize("name", ["panda", "ur10", "planar2"])
+def test_torques_without_the_gravity_that_the_controller_adds(name):
+    """Commanded torques of libfranka are such; they were named a wrong unit of all torques."""
+    robot = machine(name)
+    for seed in (1, 2):
+        log = clean(name, seed=seed)
+        holding = robot.inverse_dynamics(log.q, 0 * log.q, 0 * log.q) * 1.05  # the controller's own model
+        assert log.tau is not None
+        (first, *_) = kinds(robot, replace(log, tau=log.tau - holding))
+        assert first == "no gravity"
+
+
 def test_the_criteria_that_decided_are_told():
     robot, log = machine("planar2"), clean("planar2")
     strict = CheckCriteria(related_correlation=1.1)  # no velocity is as related as that
