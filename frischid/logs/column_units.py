@@ -63,7 +63,8 @@ def propose_degrees(table: Table, robot: Robot, found: Proposal) -> None:
     elif outside:
         found.guesses.append(
             "as radians the positions are more than a turn outside the URDF's limits, and as degrees they are outside "
-            'too; for degrees with another zero, write angle_unit = "deg" under [file]; for encoder counts, write '
+            'too; for degrees with another zero, write angle_unit = "deg" under [file]; for angles of motors behind '
+            "gears, write gear_ratio = that of the gear under each joint; for encoder counts, write "
             "under each joint gear_ratio = counts per radian, and torque_factor = 1/gear_ratio where the torques are "
             "those of the joints"
         )

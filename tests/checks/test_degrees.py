@@ -132,6 +132,18 @@ def test_the_name_of_one_turning_joint_says_degrees_beside_sliding_joints(tmp_pa
     np.testing.assert_allclose(read_log(path, robot.joints, output).q, log.q, rtol=1e-6)
 
 
+def test_angles_of_motors_are_not_certainly_degrees():
+    """A gear of 121 makes angles twice as large as degrees do: `map` had called them no degrees, `check` degrees."""
+    robot = Robot.load("z1", joints=[f"joint{k}" for k in range(1, 7)])
+    log = driven(robot)
+    (issue,), _ = degrees(robot, replace(log, q=log.q * 121, tau=log.tau / 121))
+    assert issue.sure == "likely"
+    assert "gear_ratio" in issue.advice
+    (issue,), _ = degrees(robot, in_degrees(log, *robot.joints))
+    assert issue.sure == "certain"
+    assert "gear_ratio" not in issue.advice
+
+
 def test_the_fix_of_degrees_leaves_a_joint_in_millimetres_as_it_is(tmp_path):
     robot = Robot.load("tiago", joints=["torso_lift_joint", "arm_1_joint"])
     log, path, output = driven(robot), tmp_path / "log.csv", tmp_path / "fixed.toml"
