@@ -26,7 +26,7 @@ from frischid.logs.log import Log
 from frischid.robot.robot import Robot
 from frischid.robot.stated_inertials import unstated
 
-MARGIN = 0.1
+SPARE_SHARE = 0.1
 """Share of the range between the limits by which a joint may leave them, as in a proposed mapping."""
 
 
@@ -90,7 +90,7 @@ def implausible_motion(robot: Robot, log: Log, notes: Notebook) -> Implausible |
             blocks=True,
         )
         return None
-    spare = np.where(limited, MARGIN * (upper - lower), np.inf)
+    spare = np.where(limited, SPARE_SHARE * (upper - lower), np.inf)
     outside = bool((found & limited & ((as_degrees > upper + spare) | (as_degrees < lower - spare)).any(axis=0)).any())
     why = f"far outside the URDF's limits: {largest} rad" if far.any() else f"several full turns: {largest} rad"
     if (fast & found).any() and not far.any():
