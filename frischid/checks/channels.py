@@ -219,7 +219,8 @@ def check_jumps(log: Log, notes: Notebook) -> bool:
         f"after sample {row + 1}: from {log.q[row, column]:.4g} to {log.q[row + 1, column]:.4g}",
         notes.which(where),
         "certain",
-        "values such as -9999 or 0 that stand for a lost reading: remove these rows",
+        "values such as -9999 or 0 that stand for a lost reading: remove these rows; between poses that were recorded "
+        "one by one, leave a gap of 10 s in the time",
         blocks=True,
     )
     return True

@@ -33,6 +33,7 @@ FAULT_COSTS = (
     ("swapped joints", 4.0),
     ("joint zero", 4.0),
     ("mounting", 4.0),
+    ("no gravity", 4.0),
     ("swapped positions", 5.0),
     ("torque scale", 5.0),
     ("spring", 6.0),

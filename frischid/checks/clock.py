@@ -45,7 +45,7 @@ def check_clock(log: Log, notes: Notebook, *, still: bool = False) -> None:
     mean = log.duration / (len(log) - 1)
     criteria = notes.criteria
     if 1 / min(usual, mean) < criteria.slowest_rate or 1 / max(usual, mean) > criteria.fastest_rate:
-        _wrong_unit(1 / mean, notes)
+        _wrong_unit(log, 1 / mean, notes)
         return
     if still:
         return
@@ -68,20 +68,36 @@ def check_clock(log: Log, notes: Notebook, *, still: bool = False) -> None:
     _arrival(log, step, usual, notes)
 
 
-def _wrong_unit(rate: float, notes: Notebook) -> None:
-    """Report a wrong unit of time, and the unit with which the rate would be that of a robot."""
+def _wrong_unit(log: Log, rate: float, notes: Notebook) -> None:
+    """Report a wrong unit of time, and the unit with which the rate would be that of a robot.
+
+    With such a unit the joints move as joints can. Else the rows are no samples of a motion, such as a table of poses.
+    """
     low, high = notes.criteria.likely_rates
+    stride = _usual_stride(log)
     units = {name: rate * factor for name, factor in TICKS_PER_SECOND.items() if low <= rate * factor <= high}
+    apart = bool(units) and all(stride * hz > notes.criteria.jump_speed for hz in units.values())
     guess = ", ".join(f"{name} ({hz:.4g} Hz)" for name, hz in units.items())
-    hint = f"; it looks like {guess}" if guess and rate < notes.criteria.slowest_rate else ""
+    hint = f"; it looks like {guess}" if guess and rate < notes.criteria.slowest_rate and not apart else ""
+    hint = f"; in {next(iter(units))} the joints would move as no joint can" if apart else hint
+    advice = 'give the stamps in seconds, or say time_unit = "ms", "us" or "ns" under [file] in a mapping file'
     notes.add(
         "unit of time",
         f"the stamps are {1 / rate:.4g} s apart, {rate:.3g} samples per second{hint}",
         (),
-        "certain" if guess else "likely",
-        'give the stamps in seconds, or say time_unit = "ms", "us" or "ns" under [file] in a mapping file',
+        "certain" if guess and not apart else "likely",
+        "a motion needs 100 samples per second or so; of a table with one row for each pose, write each row ten times, "
+        "0.1 s apart, and the next pose 10 s later: gravity can be fitted then"
+        if apart
+        else advice,
         blocks=True,
     )
+
+
+def _usual_stride(log: Log) -> float:
+    """Median way of the fastest joint from row to row, rad (m); joints that seem to turn several times as degrees."""
+    turns = np.ptp(log.q, axis=0) > 4 * np.pi
+    return float(np.median((np.abs(np.diff(log.q, axis=0)) * np.where(turns, np.pi / 180, 1.0)).max(axis=1)))
 
 
 def _repeats(log: Log, criteria: CheckCriteria) -> np.ndarray:

@@ -26,6 +26,9 @@ from frischid.logs.log import Log
 from frischid.robot.robot import Robot
 from frischid.robot.stated_inertials import unstated
 
+SPARE_SHARE = 0.1
+"""Share of the range between the limits by which a joint may leave them, as in a proposed mapping."""
+
 
 @dataclass(frozen=True, eq=False)
 class Implausible:
@@ -36,12 +39,16 @@ class Implausible:
     joints : ndarray of bool, shape (J,)
     evidence : str
     certain : bool
-        Whether nothing but degrees moves so.
+        Whether nothing but another unit moves so.
+    outside : bool
+        Whether as degrees, too, joints leave their limits: angles of motors behind gears and encoder counts do so, and
+        a joint whose zero is another than the URDF's.
     """
 
     joints: NDArray[np.bool_]
     evidence: str
     certain: bool
+    outside: bool
 
 
 def implausible_motion(robot: Robot, log: Log, notes: Notebook) -> Implausible | None:
@@ -83,11 +90,14 @@ def implausible_motion(robot: Robot, log: Log, notes: Notebook) -> Implausible |
             blocks=True,
         )
         return None
+    spare = np.where(limited, SPARE_SHARE * (upper - lower), np.inf)
+    outside = bool((found & limited & ((as_degrees > upper + spare) | (as_degrees < lower - spare)).any(axis=0)).any())
     why = f"far outside the URDF's limits: {largest} rad" if far.any() else f"several full turns: {largest} rad"
     if (fast & found).any() and not far.any():
         why = f"much faster than the URDF's limits: {span(typical[fast & found])} rad/s"
     evidence = f"the motion is implausible in radians ({why}) and looks like degrees"
-    return Implausible(found, evidence, not turns[found].all())
+    evidence += ", although it leaves the limits as degrees, too" if outside else ""
+    return Implausible(found, evidence, not turns[found].all(), outside)
 
 
 def explained_in_radians(found: Implausible, sketch: Callable[[], Sketch | None]) -> bool:
@@ -124,8 +134,10 @@ def check_degrees(found: Implausible, sketch: Callable[[], Sketch | None], notes
     advice += " the other joints are in radians, or under [file] if all joints are in degrees"
     if fault is not None:
         where, advice, fix = fault.where, fault.advice, fault.fix
+    if found.outside:
+        advice += "; but if these are angles of the motors or encoder counts, set gear_ratio for each joint"
     if found.certain:
-        notes.add("degrees", found.evidence, where, "certain", advice, blocks=True)
+        notes.add("degrees", found.evidence, where, "likely" if found.outside else "certain", advice, blocks=True)
         notes.fix += fix
     else:
         notes.add("degrees", found.evidence, where, "likely", f"if so, {advice}")

@@ -42,7 +42,7 @@ from frischid.checks.sketch import Sketch
 from frischid.core.types import Array
 
 POSITION_KINDS = ("position sign", "swapped positions", "swapped joints", "joint zero", "degrees")
-SHARED_KINDS = ("mounting", "payload")
+SHARED_KINDS = ("mounting", "no gravity", "payload")
 ROBOT_KINDS = (*SHARED_KINDS, "motor coupling")
 LINK_ERRORS = (0.1, 0.2, 0.4)
 """Errors of links' masses in URDFs, standard deviations: the likeliest of them is the rival of fitted numbers."""

@@ -178,7 +178,8 @@ def _removed(left: Array) -> float:
 
 def _late(notes: Notebook, by: str, sign: float, gone: float, where: tuple[str, ...], sure: str) -> None:
     sticks = "joints that stick at reversals look the same: where identify notes that the joints differ, nothing; "
-    first = "" if sign > 0 else f"{sticks}otherwise, "
+    late = "dry friction that follows a reversal late adds to this time: identify prints the delay without friction; "
+    first = late if sign > 0 else f"{sticks}otherwise, "
     notes.add(
         "late torque" if sign > 0 else "early torque",
         f"the torque {'lags the motion' if sign > 0 else 'runs ahead of the motion'} by {by.lstrip('-')}: "

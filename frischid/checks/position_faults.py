@@ -63,7 +63,7 @@ def degree_faults(sketch: Sketch, joints: NDArray[np.bool_]) -> Iterator[Moved]:
         yield Moved(moved(sketch, np.where(joints, np.deg2rad(1.0), 1.0), None), fault)
     sliding = tuple(names[~turning])
     advice = 'set angle_unit = "deg" under [file] in a mapping file'
-    advice += f', and angle_unit = "m" for {", ".join(sliding)}' if sliding else ""
+    advice += f', and angle_unit = "m" for {", ".join(sliding)}, unless it has a unit there' if sliding else ""
     fix = (("", "angle_unit", "deg"), *((name, "angle_unit", "m") for name in sliding))
     fault = Fault("degrees", usual, tuple(names[turning]), advice, cost(sketch.criteria, "degrees"), fix=fix)
     yield Moved(moved(sketch, np.where(turning, np.deg2rad(1.0), 1.0), None), fault)

@@ -1,6 +1,7 @@
 """What a robot has and its URDF does not: a tilted base, a body on its last link, motors that turn with two joints.
 
-All three add a torque that is linear in a few parameters and shared by several rows:
+All three add a torque that is linear in a few parameters and shared by several rows, as gravity does that a controller
+took off its torques before they were recorded:
 
     gravity    Σ_i g_i ∂τ_nominal/∂g_i          body    Γ_last(q, q̇, q̈) φ
     coupling   τ_i += r (Ia ω̇ + fv ω + fc sign ω),  ω = r_i q̇_i + r_k q̇_k,  for rows i and k
@@ -37,9 +38,10 @@ def robot_faults(sketch: Sketch) -> Iterator[Moved]:
 
 
 def shared_faults(fits: RowFits) -> Iterator[Moved]:
-    """The causes that all torques show: a tilted base, a body on the last link."""
+    """The causes that all torques show: a tilted base, no gravity, a body on the last link."""
     sketch, n = fits.sketch, float(fits.weight.mean())
     yield from _mounting(sketch, n)
+    yield from _compensated(sketch)
     body = payload_errors(sketch)
     if body.removed > 0 and body.torque is not None:
         what = f"{{|perhaps }}a body of about {abs(body.mass):.2g} kg on the last link that the "
@@ -81,6 +83,26 @@ def _mounting(sketch: Sketch, n: float) -> Iterator[Moved]:
     price = cost(sketch.criteria, "mounting", 1, 2, n)
     fault = Fault("mounting", what, (), advice, price, False, False, torque=more)
     yield Moved(replace(sketch, robot=other, given_nominal=sketch.nominal + more), fault)
+
+
+def _compensated(sketch: Sketch) -> Iterator[Moved]:
+    """The sketch of a robot without gravity: the controller adds what holds the arm, and the record lacks it."""
+    robot = sketch.robot
+    if not np.any(robot.gravity):
+        return
+    other = Robot.from_dict({**robot.to_dict(), "gravity": [0.0, 0.0, 0.0]})
+    zero = np.zeros_like(sketch.q)
+    holding = np.asarray(robot.inverse_dynamics(sketch.q, zero, zero))
+    what = (
+        "the torques {lack|may lack} what holds the arm against gravity: without gravity the model explains them; "
+        "commanded torques of a controller that compensates gravity are such"
+    )
+    advice = (
+        "record the measured torques of the joints, or add the controller's gravity torque; to use the log as it is, "
+        "identify with --gravity 0 0 0: the model then has no gravity"
+    )
+    fault = Fault("no gravity", what, (), advice, cost(sketch.criteria, "no gravity"), torque=-holding)
+    yield Moved(replace(sketch, robot=other, given_nominal=sketch.nominal - holding), fault)
 
 
 def gravity_of(sketch: Sketch) -> Array:

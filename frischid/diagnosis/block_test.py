@@ -16,7 +16,8 @@ proportional to e_b, and for a true one so is its mean. So each block counts wit
     t = Σ g_b / √(s² Σ e_b),     s² = Σ (g_b − μ e_b)² / e_b / (B − 1),     μ = Σ g_b / Σ e_b,
 
 which is Student's test of a weighted mean (Aitken 1935, Proc. R. Soc. Edinburgh 55). A block without energy says
-nothing.
+nothing. Blocks with hardly any energy give no variance for the one that has nearly all of it: with an energy of fewer
+than two blocks, (Σ e_b)² / Σ e_b² < 2, the gain is one moment's, which nothing repeats, and the ranks alone decide.
 
 Two candidates are compared in the same way: the difference of their gains, block by block, with the energy of the
 difference of their predictions. Where it is no more than chance, the data cannot tell them apart.
@@ -39,6 +40,7 @@ from frischid.diagnosis.cross_validation import CrossValidator
 from frischid.estimators.p_values import ranks_above_zero
 
 LEAST_BLOCKS = 3  # for a variance with two degrees of freedom
+LEAST_REPEATED = 2.0  # blocks that share the energy, at least: what acted in one block alone was not seen again
 
 
 class BlockGains(NamedTuple):
@@ -74,7 +76,7 @@ def p_value_of(g: Array, energy: Array | None = None) -> float:
     ranks = ranks_above_zero(g)
     e = np.ones(len(g)) if energy is None else energy
     g, e = g[e > 0], e[e > 0]
-    if len(g) < LEAST_BLOCKS:
+    if len(g) < LEAST_BLOCKS or e.sum() ** 2 < LEAST_REPEATED * (e**2).sum():
         return ranks
     spread = float(((g - g.sum() / e.sum() * e) ** 2 / e).sum()) / (len(g) - 1)
     t = float(special.stdtr(len(g) - 1, -g.sum() / np.sqrt(max(spread, 1e-300) * e.sum())))

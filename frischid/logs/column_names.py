@@ -17,78 +17,22 @@ from typing import Literal
 import numpy as np
 from scipy.optimize import linear_sum_assignment
 
-CHANNEL_WORDS = {
-    "q": {
-        *("q", "pos", "position", "positions", "angle", "angles", "theta", "qpos", "enc", "encoder"),
-        *("winkel", "stellung", "lage", "posicion", "angulo", "posizione"),
-        *("pulse", "pulses", "counts", "increments"),
-    },
-    "v": {
-        *("v", "qd", "dq", "vel", "velocity", "velocities", "speed", "qvel", "omega"),
-        *("geschwindigkeit", "drehzahl", "vitesse", "velocidad", "velocita"),
-    },
-    "a": {"a", "qdd", "ddq", "acc", "acceleration", "qacc", "beschleunigung"},
-    "tau": {
-        *("tau", "torque", "torques", "effort", "eff", "moment", "force", "load", "trq"),
-        *("drehmoment", "kraft", "couple", "par", "coppia"),
-    },
-    "current": {"i", "current", "currents", "cur", "amp", "amps", "iq", "strom", "courant", "corriente", "corrente"},
-    "qcmd": {"qcmd"},
-    "vcmd": {"vcmd"},
-    "tauff": {"tauff"},
-}
-ALL_CHANNEL_WORDS = frozenset().union(*CHANNEL_WORDS.values())
-COMMANDS = {"q": "qcmd", "v": "vcmd"}
-"""Channel of a set point, by the channel of the quantity that is set. A desired torque or current has none: whether
-it is a feed-forward, or the sum of all that the controller asks for, no name tells."""
-SETPOINT_WORDS = {
-    "des",
-    "desired",
-    "ref",
-    "reference",
-    "cmd",
-    "command",
-    "commanded",
-    "target",
-    "setpoint",
-    "goal",
-    "soll",
-    "planned",
-}
-OTHER_WORDS = {
-    *("temperature", "temp", "voltage", "status", "mode", "index", "count", "error", "seq", "seqno", "sequence"),
-    *("tcp", "cartesian", "wrench", "pose"),
-    *("dist", "disturbance"),
-}
-"""Words of columns that are no channel of a joint: states, counters, the tool's pose and force, and the part of the
-torque that a controller's own model does not explain."""
-TIME_WORDS = {
-    *("t", "time", "stamp", "timestamp", "sec", "secs", "seconds", "nsec", "nanosec", "clock", "datetime", "date"),
-    *("zeit", "tm", "ipoc", "ts"),
-}
-CLOCK_UNITS = {"ms", "us", "µs", "ns", "s"}
-MEASURED_WORDS = {"actual", "act", "measured", "meas", "present", "ist", "feedback", "fbk"}
-FILLER_WORDS = MEASURED_WORDS | {
-    "joint",
-    "joints",
-    "link",
-    "axis",
-    "achse",
-    "achs",
-    "gelenk",
-    "state",
-    "states",
-    "robot",
-    "arm",
-    "actuator",
-    "actuators",
-    "j",
-    "",
-}
-COMPOUND = "achs|gelenk|motor|ist|soll"
-"""First parts of German compounds that end in a quantity."""
-LEAST_OF_COMPOUND = 4
-"""Letters. Shorter quantities also end other words."""
+from frischid.logs.column_words import (
+    ALL_CHANNEL_WORDS,
+    CHANNEL_OF_UNIT,
+    CHANNEL_WORDS,
+    COMMANDS,
+    COMPOUND,
+    DERIVATIVES,
+    FILLER_WORDS,
+    LEAST_OF_COMPOUND,
+    LETTER_OF_UNIT,
+    MEASURED_WORDS,
+    OTHER_WORDS,
+    SETPOINT_WORDS,
+    unit_of,
+)
+
 LEAST_LIKENESS = 0.55
 """Share of matching characters (`difflib`) below which a column's name does not match a joint's."""
 CLEAR_LIKENESS = 0.8
@@ -115,7 +59,7 @@ def split(name: str) -> tuple[str | None, str]:
     >>> split("position_command_elbow")
     ('qcmd', 'elbow')
     """
-    words = [part for w in _without_unit(name) for part in (_counted(w) or [w])]
+    words = _with_derivatives([part for w in _without_unit(name) for part in (_counted(w) or [w])])
     if set(words) & OTHER_WORDS:
         return None, name
     if commanded := set(words) & SETPOINT_WORDS:
@@ -137,36 +81,56 @@ def split(name: str) -> tuple[str | None, str]:
 
 
 def split_all(names: Sequence[str]) -> dict[str, tuple[str | None, str]]:
-    """Channel and rest of each column's name, as `split`; a last letter that a whole channel shares is left out.
+    """Channel and rest of each column's name, as `split`; last letters that are units are left out.
 
-    Such a letter tells no joint from another: it is a unit. A letter that differs may be an axis.
+    A letter that a whole channel shares tells no joint from another, so it is a unit. So is the letter of the channel's
+    own unit, unless another column differs in this letter only. Other letters may be axes. Where no word says the
+    quantity of a column, its unit does.
 
     >>> split_all(["current_X_A", "current_Y_A"])
     {'current_X_A': ('current', 'x'), 'current_Y_A': ('current', 'y')}
     >>> split_all(["current_A", "current_B"])
     {'current_A': ('current', 'a'), 'current_B': ('current', 'b')}
+    >>> split_all(["J1_torque_Nm", "J2_force_N"])
+    {'J1_torque_Nm': ('tau', 'j_1'), 'J2_force_N': ('tau', 'j_2')}
+    >>> split_all(["J1 [deg]", "J2 [mm]", "M1 [Nm]", "F2 [N]"])
+    {'J1 [deg]': ('q', '1'), 'J2 [mm]': ('q', '2'), 'M1 [Nm]': ('tau', '1'), 'F2 [N]': ('tau', '2')}
     """
     found = {name: split(name) for name in names}
-    ends = {name: end for name in names if (end := re.fullmatch(r"(.+)[^0-9A-Za-z]([A-Za-z])", name))}
+    plain = [name for name in names if not unit_of(name)[0]]
+    ends = {name: end for name in plain if (end := re.fullmatch(r"(.+)[^0-9A-Za-z]([A-Za-z])", name))}
     shorter = {name: split(end[1]) for name, end in ends.items()}
     for channel in CHANNEL_WORDS:
         there = {n for n in names if channel in (found[n][0], shorter.get(n, found[n])[0])}
         letters = {ends[n][2] if n in ends else "" for n in there}
         if len(there) > 1 and len(letters) == 1 and "" not in letters:
             found |= {n: shorter[n] for n in there if shorter[n][0] == channel}
-    return found
+        stems = [shorter[n][1] for n in there & set(ends)]
+        for n in there & set(ends):
+            own = channel in LETTER_OF_UNIT and ends[n][2] == LETTER_OF_UNIT[channel]
+            if own and shorter[n][0] == channel and shorter[n][1] and stems.count(shorter[n][1]) == 1:
+                found[n] = shorter[n]
+    return found | _by_units(found)
 
 
-def unit_of(name: str) -> tuple[str, str]:
-    """Unit that a column's name ends with or has in brackets (empty: none), and the name without the unit.
-
-    >>> unit_of("Achse 1 Moment [Nm]"), unit_of("axis1_current_mA"), unit_of("q[3]")
-    (('nm', 'Achse 1 Moment'), ('ma', 'axis1_current'), ('', 'q[3]'))
-    """
-    if bracket := re.search(r"[\[(<]([^\])>]*[^\])>\d\s][^\])>]*)[\])>]", name):
-        return bracket[1].strip().lower(), (name[: bracket.start()] + name[bracket.end() :]).strip(" _")
-    end = re.fullmatch(r"(.+?)[_ ](mA|mNm|Nmm|Ncm|Nm|mm|deg|rad|rpm|pct|percent|ms|us|ns)", name)
-    return (end[2].lower(), end[1]) if end else ("", name)
+def _by_units(found: Mapping[str, tuple[str | None, str]]) -> dict[str, tuple[str | None, str]]:
+    """The columns whose quantity only the unit says; beside columns whose words say it, only numbers missing there."""
+    by_unit: dict[str, dict[str, list[str]]] = {}
+    for name, (channel, _) in found.items():
+        own, words = CHANNEL_OF_UNIT.get(unit_of(name)[0]), _without_unit(name)
+        # "A1 [deg]" is an angle of axis A1; a single letter is a weaker word than a unit
+        told = channel is not None and (own == channel or any(len(w) > 1 and w in ALL_CHANNEL_WORDS for w in words))
+        if not told and own is not None and not set(words) & (OTHER_WORDS | SETPOINT_WORDS):
+            by_unit.setdefault(own, {})[name] = words
+    named: dict[str, tuple[str | None, str]] = {}
+    for channel, columns in by_unit.items():
+        numbers = {n: m[1] for n, words in columns.items() if (m := re.fullmatch(r"d{0,2}[a-z](\d+)", "".join(words)))}
+        if len(set(numbers.values())) < len(numbers):
+            numbers = {}
+        taken = {_template(rest)[1] for other, rest in found.values() if other == channel}
+        rests = numbers if taken else {n: numbers.get(n, "_".join(words)) for n, words in columns.items()}
+        named |= {n: (channel, rest) for n, rest in rests.items() if not taken or int(rest) not in taken}
+    return named
 
 
 def set_point(name: str) -> tuple[str | None, str]:
@@ -188,6 +152,17 @@ def _without_unit(name: str) -> list[str]:
     return [part for w, match in zip(words, cut, strict=True) for part in (match.groups() if match else (w,))]
 
 
+def _with_derivatives(words: list[str]) -> list[str]:
+    """Words with ``q, dot`` and ``q, ddot`` as one quantity."""
+    order = words.count("dot") + 2 * words.count("ddot")
+    position = next((w for w in words if w in CHANNEL_WORDS["q"]), None)
+    if order not in DERIVATIVES or position is None:
+        return words
+    words = [w for w in words if w not in ("dot", "ddot")]
+    words[words.index(position)] = DERIVATIVES[order]
+    return words
+
+
 def _spaced(text: str) -> str:
     """A text with its capitals apart: ``jointGripper`` -> ``joint_Gripper``."""
     return re.sub(r"(?<=[a-z])(?=[A-Z])|(?<=[A-Z])(?=[A-Z][a-z])", "_", text)
@@ -196,7 +171,7 @@ def _spaced(text: str) -> str:
 def _counted(word: str) -> list[str] | None:
     """Split a quantity and a number without separator: ``q3`` -> ``q``, ``3``."""
     match = re.fullmatch(r"([a-z]+)(\d+)", word)
-    quantities = ALL_CHANNEL_WORDS | {"j", "joint", "axis", "achse"}
+    quantities = ALL_CHANNEL_WORDS | {"j", "joint", "axis", "achse", "dot", "ddot"}
     return [match[1], match[2]] if match and match[1] in quantities else None
 
 

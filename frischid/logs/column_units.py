@@ -7,7 +7,7 @@ import re
 import numpy as np
 
 from frischid.core.types import Array
-from frischid.logs.column_names import unit_of
+from frischid.logs.column_words import unit_of
 from frischid.logs.proposal import Proposal
 from frischid.logs.table import Table
 from frischid.logs.wraps import TURN
@@ -45,9 +45,17 @@ def check_velocities(table: Table, t: Array, found: Proposal) -> None:
 
 
 def propose_degrees(table: Table, robot: Robot, found: Proposal) -> None:
-    """Propose degrees where positions are more than a turn outside the limits, but inside when divided by 57.3."""
+    """Propose degrees where names say so, or where positions are far outside the limits, but inside as degrees."""
     outside, degrees = _outside_limits(table, robot, found)
-    if degrees:
+    turning = [j for j, slides in zip(robot.joints, robot.prismatic, strict=True) if not slides and j in found.joints]
+    named = [j for j in turning if unit_of(found.joints[j].get("q", ""))[0] in ("deg", "°")]
+    if named and not degrees:
+        found.reasons.append(f"{found.joints[named[0]]['q']}{' ...' * (len(named) > 1)} in degrees, by the name")
+        if named == turning:
+            found.file["angle_unit"] = "deg"
+        else:
+            found.units |= {j: found.units.get(j, {}) | {"angle_unit": "deg"} for j in named}
+    elif degrees:
         found.file["angle_unit"] = "deg"
         found.reasons.append(
             "angles in degrees: as radians they are more than a turn outside the URDF's limits, as degrees within"
@@ -55,7 +63,8 @@ def propose_degrees(table: Table, robot: Robot, found: Proposal) -> None:
     elif outside:
         found.guesses.append(
             "as radians the positions are more than a turn outside the URDF's limits, and as degrees they are outside "
-            'too; for degrees with another zero, write angle_unit = "deg" under [file]; for encoder counts, write '
+            'too; for degrees with another zero, write angle_unit = "deg" under [file]; for angles of motors behind '
+            "gears, write gear_ratio = that of the gear under each joint; for encoder counts, write "
             "under each joint gear_ratio = counts per radian, and torque_factor = 1/gear_ratio where the torques are "
             "those of the joints"
         )

@@ -53,7 +53,8 @@ def corrected(form: LogMap, fixes: Sequence[tuple[str, str, Any]], log: Log) -> 
         elif key == "offset":
             entry = replace(entry, offset=entry.offset + value)
         elif key == "angle_unit":
-            entry = replace(entry, angle_unit=value)
+            # "m" says that another unit of the file is not this joint's: what the joint has of its own, it keeps
+            entry = replace(entry, angle_unit=value if value != "m" else entry.angle_unit or value)
         else:
             key = "current_factor" if key == "torque_factor" and name in currents else key
             entry = replace(entry, **{key: getattr(entry, key) * value})

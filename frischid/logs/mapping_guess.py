@@ -28,7 +28,7 @@ from numpy.typing import NDArray
 from frischid.core.types import Array
 from frischid.errors import InputError
 from frischid.logs.column_motion import UNEXPLAINED, Grid, columns_by_motion, order_is_confirmed, unexplained
-from frischid.logs.column_names import SETPOINT_WORDS, Assignment, assign, exactly, families, set_point, split_all
+from frischid.logs.column_names import Assignment, assign, exactly, families, set_point, split_all
 from frischid.logs.column_units import (
     check_velocities,
     propose_degrees,
@@ -36,6 +36,7 @@ from frischid.logs.column_units import (
     propose_lengths,
     radians_per_unit,
 )
+from frischid.logs.column_words import SETPOINT_WORDS
 from frischid.logs.gain_guess import guess_gains
 from frischid.logs.log import CHANNELS, FEWEST_SAMPLES
 from frischid.logs.mapping_table import USUAL_RATE, rate_of, stamps_of, table_of, time_column

@@ -11,7 +11,8 @@ from numpy.typing import NDArray
 from frischid.core.types import Array
 from frischid.errors import InputError
 from frischid.logs.bags import bag_form, is_bag, read_bag, topics_of
-from frischid.logs.column_names import CLOCK_UNITS, OTHER_WORDS, TIME_WORDS, assign, unit_of
+from frischid.logs.column_names import assign
+from frischid.logs.column_words import CLOCK_UNITS, OTHER_WORDS, TIME_WORDS, unit_of
 from frischid.logs.mapping import LogMap
 from frischid.logs.mapping_rules import TICKS_PER_SECOND
 from frischid.logs.proposal import Proposal

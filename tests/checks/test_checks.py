@@ -208,6 +208,21 @@ def test_a_unit_is_undone_exactly_where_the_links_weigh_less_than_in_the_urdf():
     assert {(key, value) for _, key, value in report.fix} == {("torque_factor", 0.001)}
 
 
+def test_a_table_of_poses_is_no_log_in_milliseconds():
+    """One row for each pose: in ms the joints would move by a radian per row. The remedy makes a usable log."""
+    robot = machine("planar2")
+    q = np.random.default_rng(1).uniform(-1.5, 1.5, (30, 2))
+    table = Log(t=np.arange(30.0), q=q, tau=robot.inverse_dynamics(q, 0 * q, 0 * q), joints=robot.joints)
+    found = kinds(robot, table)["unit of time"]
+    assert found.sure == "likely"
+    assert "looks like" not in found.what
+    assert "each row ten times" in found.advice
+    t = (10.0 * np.arange(30)[:, None] + 0.1 * np.arange(10)).ravel()
+    rows = np.repeat(np.arange(30), 10)
+    assert table.tau is not None
+    assert set(kinds(robot, Log(t=t, q=q[rows], tau=table.tau[rows], joints=robot.joints))) == {"standstill"}
+
+
 def test_lags_are_measured():
     log = clean("ur10")
     (report,) = check(machine("ur10"), [replace(log, v=delayed(log, log.v, 0.05), tau=delayed(log, log.tau, 0.02))])
@@ -292,6 +307,18 @@ def test_wrong_robot_and_wrong_mounting():
     tilted = Robot.load("panda", base_rpy=(0.3, 0.0, 0.0))
     log = simulate(tilted, random_fourier(tilted, 20, seed=1), rate=200, noise=Noise(q=1e-5, tau=0.01))
     assert "(0, -2.9, -9.37) m/s²" in kinds(machine("panda"), log)["mounting"].what
+
+
+@pytest.mark.parametrize("name", ["panda", "ur10", "planar2"])
+def test_torques_without_the_gravity_that_the_controller_adds(name):
+    """Commanded torques of libfranka are such; they were named a wrong unit of all torques."""
+    robot = machine(name)
+    for seed in (1, 2):
+        log = clean(name, seed=seed)
+        holding = robot.inverse_dynamics(log.q, 0 * log.q, 0 * log.q) * 1.05  # the controller's own model
+        assert log.tau is not None
+        (first, *_) = kinds(robot, replace(log, tau=log.tau - holding))
+        assert first == "no gravity"
 
 
 def test_the_criteria_that_decided_are_told():

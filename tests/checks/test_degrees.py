@@ -13,6 +13,7 @@ from frischid.cli import main
 from frischid.logs.column_units import in_millimetres
 from frischid.logs.mapping_guess import propose
 from frischid.logs.readers import read_log, write_log
+from frischid.logs.table_writing import write_table
 from frischid.model.log_examination import check
 from frischid.motions.simulation import Noise, simulate
 from frischid.motions.trajectory import random_fourier
@@ -116,6 +117,41 @@ def test_a_sliding_joint_in_millimetres_is_told_and_the_mapping_file_undoes_it(t
     assert not own.fix
     write_log(log, path)
     assert "angle_unit" not in propose(path, robot).toml("log.csv")
+
+
+def test_the_name_of_one_turning_joint_says_degrees_beside_sliding_joints(tmp_path):
+    """Of four joints of a gantry one turns: too few for the numbers to decide, but the name says degrees."""
+    robot = Robot.load("tiago", joints=["torso_lift_joint", "arm_1_joint", "arm_2_joint"])
+    log, path, output = driven(robot), tmp_path / "log.csv", tmp_path / "map.toml"
+    units = {"torso_lift_joint": ("mm", 1e3), "arm_1_joint": ("deg", 180 / np.pi), "arm_2_joint": ("rad", 1.0)}
+    table = {"t": log.t}
+    for k, (joint, (unit, factor)) in enumerate(units.items()):
+        table[f"{joint}.pos [{unit}]"] = log.q[:, k] * factor
+    write_table(table, path)
+    output.write_text(propose(path, robot).toml("log.csv"), encoding="utf-8")
+    np.testing.assert_allclose(read_log(path, robot.joints, output).q, log.q, rtol=1e-6)
+
+
+def test_angles_of_motors_are_not_certainly_degrees():
+    """A gear of 121 makes angles twice as large as degrees do: `map` had called them no degrees, `check` degrees."""
+    robot = Robot.load("z1", joints=[f"joint{k}" for k in range(1, 7)])
+    log = driven(robot)
+    (issue,), _ = degrees(robot, replace(log, q=log.q * 121, tau=log.tau / 121))
+    assert issue.sure == "likely"
+    assert "gear_ratio" in issue.advice
+    (issue,), _ = degrees(robot, in_degrees(log, *robot.joints))
+    assert issue.sure == "certain"
+    assert "gear_ratio" not in issue.advice
+
+
+def test_the_fix_of_degrees_leaves_a_joint_in_millimetres_as_it_is(tmp_path):
+    robot = Robot.load("tiago", joints=["torso_lift_joint", "arm_1_joint"])
+    log, path, output = driven(robot), tmp_path / "log.csv", tmp_path / "fixed.toml"
+    write_log(replace(log, q=log.q * np.where(robot.prismatic, 1e3, 180 / np.pi), v=None), path)
+    (tmp_path / "map.toml").write_text('[joint.torso_lift_joint]\nangle_unit = "mm"\n', encoding="utf-8")
+    arguments = ["--joints", ",".join(robot.joints), str(path), "--map", str(tmp_path / "map.toml"), "-o", str(output)]
+    CliRunner().invoke(main, ["check", "tiago", *arguments])
+    np.testing.assert_allclose(read_log(path, robot.joints, output).q, log.q, rtol=1e-6)
 
 
 def test_a_motion_within_the_stroke_is_in_metres():

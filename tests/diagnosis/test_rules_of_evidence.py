@@ -116,6 +116,19 @@ def test_a_short_lived_effect_is_judged_by_the_blocks_in_which_it_acts():
     assert p_value_of(gains, energy) < 1e-4
 
 
+def test_one_moment_is_no_evidence_however_large_its_gain():
+    """A log that begins with a creep out of the standstill: 80 % of the energy of a friction at low speed is there."""
+    rng = np.random.default_rng(5)
+    energy = np.full(18, 3e-3)
+    energy[[0, 3]] = 0.8, 0.15
+    gains = energy * rng.normal(scale=3.0, size=18)
+    gains[0] = 66.0
+    assert p_value_of(gains, energy) > 0.05
+    energy[[0, 3]] = 0.5, 0.45
+    gains[[0, 3]] = 41.0, 37.0
+    assert p_value_of(gains, energy) < 1e-3, "two moments that agree are"
+
+
 def test_blocks_without_an_effect_are_found_significant_as_often_as_the_level_says():
     rng, level, trials = np.random.default_rng(4), 0.05, 600
     energy = rng.exponential(size=30) ** 2

@@ -6,6 +6,7 @@ import pytest
 from frischid.effects import Coulomb, parse_effects
 from frischid.estimators.friction_smoothing import baseline, dry_friction
 from frischid.logs.cutoff_choice import choose_lowpass
+from frischid.logs.log import Log
 from frischid.logs.preprocessing import prepare
 from frischid.model.identification import identify
 from frischid.motions.simulation import Noise, simulate
@@ -43,6 +44,42 @@ def test_a_slow_robot_gets_a_sharp_sign():
     friction = next(e for e in found.model.effects if e.id == "coulomb")
     assert friction.width < 0.0006
     assert friction.lead == 0
+
+
+LIFT = """<robot name="lift"><link name="base"/><link name="slide"><inertial><origin xyz="0 0 0"/><mass value="2"/>
+<inertia ixx="0.01" ixy="0" ixz="0" iyy="0.01" iyz="0" izz="0.01"/></inertial></link>
+<joint name="z" type="prismatic"><parent link="base"/><child link="slide"/><axis xyz="0 0 1"/>
+<limit lower="-0.2" upper="0" effort="300" velocity="1"/></joint></robot>"""
+
+
+def lifted(robot, rng, spring):
+    """A vertical axis that goes from stop to stop, with the jerk as small as possible, and rests at each."""
+    t = np.arange(0, 30, 0.004)
+    q, v, a = np.zeros((3, len(t)))
+    at, x = 0.0, -0.1
+    while at < 30:
+        y, lasts, rest = -0.1 + 0.09 * rng.uniform(-1, 1), rng.uniform(0.6, 2.0), rng.uniform(0.1, 0.5)
+        on, still = (t >= at) & (t < at + lasts), (t >= at + lasts) & (t < at + lasts + rest)
+        s = (t[on] - at) / lasts
+        q[on] = x + (y - x) * (10 * s**3 - 15 * s**4 + 6 * s**5)
+        v[on] = (y - x) * (30 * s**2 - 60 * s**3 + 30 * s**4) / lasts
+        a[on] = (y - x) * (60 * s - 180 * s**2 + 120 * s**3) / lasts**2
+        q[still] = x = y
+        at += lasts + rest
+    tau = 8 * a + 18.6 + 60 * v + 22 * np.tanh(v / 2e-4) + spring * q + 2 * rng.standard_normal(len(t))
+    q += 1e-7 * rng.standard_normal(len(t))
+    return Log(t=t, q=q[:, None], tau=tau[:, None], joints=robot.joints)
+
+
+@pytest.mark.parametrize("spring", [0.0, 180.0, 400.0])
+def test_a_missing_spring_does_not_widen_the_sign(tmp_path, spring):
+    """At the stops the spring's torque is largest and dry friction changes: the width had been 0.05 and 0.1 m/s."""
+    (tmp_path / "lift.urdf").write_text(LIFT, encoding="utf-8")
+    robot = Robot.load(tmp_path / "lift.urdf")
+    for seed in (1, 2):
+        found = identify(robot, [lifted(robot, np.random.default_rng(seed), spring)], recursion="none")
+        friction = next(e for e in found.model.effects if e.id == "coulomb")
+        assert friction.width <= 0.002
 
 
 def test_the_lead_is_found():

@@ -319,3 +319,70 @@ def test_a_letter_that_all_columns_share_is_a_unit_and_no_axis(position, effort)
         assert assign(columns, ("x", "y", "z")).columns == {a.lower(): template.format(a) for a in axes}
         assert assign(columns, ("x", "y", "z")).how == "name"
     assert split_all(["current_A", "current_B"]) == {n: split(n) for n in ("current_A", "current_B")}
+
+
+SCARA = """<robot name="scara"><link name="base"/>{links}</robot>"""
+LINK = """<link name="l{k}"><inertial><origin xyz="0.1 0 0"/><mass value="{mass}"/>
+<inertia ixx="0.02" ixy="0" ixz="0" iyy="0.05" iyz="0" izz="0.05"/></inertial></link>
+<joint name="J{k}" type="{kind}"><parent link="{parent}"/><child link="l{k}"/><origin xyz="{x} 0 0"/><axis xyz="0 0 1"/>
+<limit lower="{low}" upper="{high}" effort="200" velocity="3"/></joint>"""
+NAMES_WITH_UNITS = {
+    "underlines": (
+        ["J1_pos_rad", "J2_pos_m", "J3_pos_rad"],
+        ["J1_vel_rad_s", "J2_vel_m_s", "J3_vel_rad_s"],
+        ["J1_torque_Nm", "J2_force_N", "J3_torque_Nm"],
+    ),
+    "brackets alone": (
+        ["J1 [rad]", "J2 [m]", "J3 [rad]"],
+        ["dJ1 [rad/s]", "dJ2 [m/s]", "dJ3 [rad/s]"],
+        ["M1 [Nm]", "F2 [N]", "M3 [Nm]"],
+    ),
+    "axes A": (
+        ["A1 [rad]", "A2 [m]", "A3 [rad]"],
+        ["A1 [rad/s]", "A2 [m/s]", "A3 [rad/s]"],
+        ["A1 [Nm]", "A2 [N]", "A3 [Nm]"],
+    ),
+    "a force beside torques": (["q1", "q2", "q3"], ["qd1", "qd2", "qd3"], ["tau1 (Nm)", "f2 (N)", "tau3 (Nm)"]),
+    "dots": (["q_1", "q_2", "q_3"], ["q_dot_1", "q_dot_2", "q_dot_3"], ["tau_1", "tau_2", "tau_3"]),
+    "short words": (
+        ["Axis1.ActPos", "Axis2.ActPos", "Axis3.ActPos"],
+        ["Axis1.ActVelo", "Axis2.ActVelo", "Axis3.ActVelo"],
+        ["Axis1.ActTorque", "Axis2.ActTorque", "Axis3.ActTorque"],
+    ),
+}
+
+
+def scara(folder):
+    """A robot whose second joint slides."""
+    kinds = [("revolute", -2.5, 2.5, 5, 0.0), ("prismatic", -0.3, 0.3, 2, 0.3), ("revolute", -3, 3, 1, 0.2)]
+    links = "".join(
+        LINK.format(k=k + 1, kind=kind, low=low, high=high, mass=mass, x=x, parent=f"l{k}" if k else "base")
+        for k, (kind, low, high, mass, x) in enumerate(kinds)
+    )
+    path = folder / "scara.urdf"
+    path.write_text(SCARA.format(links=links))
+    return Robot.load(path)
+
+
+@pytest.mark.parametrize("case", NAMES_WITH_UNITS)
+def test_the_units_of_a_sliding_joint_hide_no_column(tmp_path, case):
+    robot = scara(tmp_path)
+    log = simulate(robot, random_fourier(robot, 10, seed=1), rate=100)
+    table = {"time": log.t}
+    for names, values in zip(NAMES_WITH_UNITS[case], (log.q, log.v, log.tau), strict=True):
+        table |= dict(zip(names, values.T, strict=True))
+    write_table(table, tmp_path / "log.csv")
+    found = propose(tmp_path / "log.csv", robot)
+    for k, joint in enumerate(robot.joints):
+        expected = dict(zip(("q", "v", "tau"), (names[k] for names in NAMES_WITH_UNITS[case]), strict=True))
+        assert found.joints[joint] == expected
+    assert not found.guesses
+
+
+def test_a_unit_says_a_quantity_only_where_no_word_does():
+    foreign = ["X [mm]", "E1 [deg]", "E2_soll [deg]", "T1 [°C]"]
+    named = split_all(["actual_q_1", "actual_q_2", "A1 [A]", "A2 [A]", *foreign])
+    assert {n: c for n, (c, _) in named.items()} == {
+        **{"actual_q_1": "q", "actual_q_2": "q", "A1 [A]": "current", "A2 [A]": "current"},
+        **dict.fromkeys(foreign),
+    }

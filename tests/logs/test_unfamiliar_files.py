@@ -11,7 +11,8 @@ from proposed_mapping import mapped
 from frischid.checks.defects import defects
 from frischid.cli import main
 from frischid.errors import InputError
-from frischid.logs.column_names import split, unit_of
+from frischid.logs.column_names import split
+from frischid.logs.column_words import unit_of
 from frischid.logs.mapping import LogMap
 from frischid.logs.mapping_guess import propose
 from frischid.logs.readers import read_chunks, read_log, write_log
