@@ -12,11 +12,15 @@ from dataclasses import replace
 
 import numpy as np
 
+from frischid.core.remembered import Remembered
 from frischid.logs.command_checks import MOST_DELAY_STEPS
 from frischid.logs.controller import SPLINE_SAMPLES, PDController
 from frischid.logs.current_gains import CurrentGains
 from frischid.logs.log import Log
 from frischid.logs.recording import Recording, joined
+
+_DRIVEN = Remembered[Log | None]()
+"""Logs with their torque, by the drive; None where the log needs none."""
 
 
 def driven(
@@ -33,11 +37,22 @@ def driven(
     found = tuple(logs)
     if controller is not None:
         found = tuple(
-            _driven_recording(x, controller) if isinstance(x, Recording) else controller.drive(x) for x in found
+            _driven_recording(x, controller) if isinstance(x, Recording) else _driven(x, controller) for x in found
         )
     if currents is not None:
-        found = tuple(_with_currents(x, currents) if isinstance(x, Recording) else currents.drive(x) for x in found)
+        found = tuple(_with_currents(x, currents) if isinstance(x, Recording) else _driven(x, currents) for x in found)
     return found
+
+
+def _driven(log: Log, drive: PDController | CurrentGains) -> Log:
+    """A log in memory with its torque; the same object for the same log and drive, so its motions are kept as well."""
+
+    def changed() -> Log | None:
+        found = drive.drive(log)
+        return None if found is log else found  # a log that is kept beside itself would live for ever
+
+    found = _DRIVEN.of(log, repr(drive), changed)
+    return log if found is None else found
 
 
 def _with_currents(log: Recording, currents: CurrentGains) -> Recording:
