@@ -58,7 +58,9 @@ from frischid.model.model import Model
 from frischid.regression.block import Block
 from frischid.regression.regressor import Regressor
 
-RISES_AT_STANDSTILL = "the error would rise when samples at standstill count too"
+RISES_AT_STANDSTILL = (
+    "the error would rise when samples at standstill count too; the search for effects counts motion alone"
+)
 """Reason to refuse a step."""
 
 
