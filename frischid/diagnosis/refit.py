@@ -25,7 +25,7 @@ from frischid.estimators.least_squares import Estimate
 from frischid.logs.log import Log
 from frischid.logs.recording import Recording
 from frischid.model.comparison import compare
-from frischid.model.events import cross_validated_nrmse
+from frischid.model.events import cross_validated_nrmse, measured_within
 from frischid.model.headline import cross_validated, from_fit
 from frischid.model.identification import identify_again
 from frischid.model.identification_stages import read_logs
@@ -65,10 +65,10 @@ def fitted_error(model: Model) -> float:
 
 
 def known_error(model: Model, logs: Sequence[Log | Recording]) -> float | None:
-    """Cross-validated error on these very logs, if the model's last step measured it there."""
+    """Cross-validated error on these very logs, if the model's last step measured it there, on its joints alone."""
     last = model.history[-1] if model.history else {}
     same = [x["sha256"] for x in last.get("logs", ())] == [log.identity for log in logs]
-    always = last.get("situation") != "changed"
+    always = last.get("situation") != "changed" and measured_within(last, model.joints)
     return cross_validated_nrmse([last]) if same and always and model.estimate.estimator in {"wls", "map"} else None
 
 

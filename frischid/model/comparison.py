@@ -302,7 +302,7 @@ def _alarms(model: Model, summary: Comparison, errors: ModelErrors, criteria: Al
     """Alarms of a model on logs that it was not fitted to."""
     rmse = np.array([j.rmse for j in summary.joints])
     compared = np.isin(model.joints, summary.joints.names)
-    known = cross_validated_nrmse(model.history)
+    known = cross_validated_nrmse(model.history, model.joints)
     seen = Elsewhere(
         joints=summary.joints.names,
         spread=np.array([j.std for j in summary.joints]),
