@@ -175,13 +175,14 @@ def prepare(
             f"{log.source}: stamps jitter by {off:.3g} ms, and the positions do not: the samples were taken at a "
             f"regular {median * 1e3:.4g} ms, and these times are used"
         )
-    jitter = np.abs(np.diff(log.t) - median)
-    if (jitter[jitter < longest] > 1e-3 * median).any():
+    steps = np.diff(log.t)
+    steps = steps[steps <= longest]  # longer ones are gaps, across which nothing is interpolated
+    if (np.abs(steps - median) > 1e-3 * median).any():
         notes.append(
-            f"{log.source}: steps between {np.diff(log.t).min() * 1e3:.3g} and {np.diff(log.t).max() * 1e3:.3g} ms, "
-            f"put on a uniform {median * 1e3:.3g} ms grid by cubic splines through the samples at their time stamps"
+            f"{log.source}: steps between {steps.min() * 1e3:.3g} and {steps.max() * 1e3:.3g} ms, put on a uniform "
+            f"{median * 1e3:.3g} ms grid by cubic splines through the samples at their time stamps"
         )
-    lost = sum(ends_of(median, lowpass)) + len(lowpass.taps(median)) + 1
+    lost = sum(ends_of(median, lowpass)) + len(lowpass.taps(median)) - 1
     least = lost + SPARE_SAMPLES
     motions, too_short = [], 0
     for start, stop in pairwise(bounds):
