@@ -266,7 +266,7 @@ def check_logs(logs: Sequence[Log | Recording], valid: Sequence[Log | Recording]
 
 
 def _same(one: Log | Recording, other: Log | Recording) -> bool:
-    """Whether two logs hold the same samples, as far as both have the channels: a simulation repeats positions exactly."""
+    """Whether two logs hold the same samples of all channels that both have; simulations repeat positions exactly."""
     if isinstance(one, Log) and isinstance(other, Log):
         channels = ((getattr(one, name), getattr(other, name)) for name in CHANNELS)
         both = [(x, y) for x, y in channels if x is not None and y is not None]
