@@ -134,7 +134,8 @@ def _changed(
     added = [c for e in new for c in e.columns(model.robot)]
     for candidate in validator.candidates(new):
         validator = validator.extended(candidate)
-    estimate, information = model.estimate, validator.fit.information
+    # not a pseudo-inverse, which has no variance in directions that these logs leave open
+    estimate, information, covariance = model.estimate, validator.fit.information, validator.fit.covariance
     sigma = estimate.sigma.copy()
     sigma[np.isin(estimate.joints, validator.joints)] = validator.fit.sigma  # of a joint that never moves it stays
     changed = replace(
@@ -145,7 +146,7 @@ def _changed(
         estimate=Estimate(
             (*estimate.columns, *added),
             validator.theta,
-            np.asarray(np.linalg.pinv(information, hermitian=True), dtype=float),
+            (covariance + covariance.T) / 2,
             estimate.joints,
             sigma,
             1.0 / sigma**2,
