@@ -12,6 +12,7 @@ from click.testing import CliRunner
 import frischid as fr
 from frischid.cli import main
 from frischid.diagnosis.addition import add
+from frischid.figures.history import staircase, steps_of
 from frischid.model.events import cross_validated_nrmse
 from frischid.model.headline import headline_of
 from frischid.model.standstill_joints import rows_of
@@ -160,3 +161,14 @@ def test_with_the_torque_of_some_joints_it_is_the_error_of_these(case):
     step = add(one, fr.parse_effects("joint_spring@joint1"), case.logs[:1])
     refit = fr.identify(PLANAR2, case.logs[:1], torque_joints=["joint1"], recursion="none", effects=one.effects)
     assert step.error_before == pytest.approx(refit.headline.nrmse, rel=0.05)
+
+
+def test_the_staircase_of_some_joints_ends_at_their_error(case):
+    """It ended at the error of all joints, beside the noise floor of all joints."""
+    step = add(case.model, SPRING, case.logs[:1])
+    one = rows_of(step.model, np.array([True, False]))
+    error = fr.headline(one, case.logs[:1])
+    assert [after for _, _, after in steps_of(one)] == pytest.approx(
+        [fr.headline(case.model).joints["joint1"], error.nrmse]
+    )
+    assert f"{error.nrmse / error.noise_floor:.1f}\u00a0× the noise floor" in staircase(one, error).reading
