@@ -279,7 +279,7 @@ class ModelErrors:
         rmse = np.sqrt(sums.error2 / np.maximum(sums.count, 1))
         floor = np.minimum(self.noise.under(rmse), rmse)[changing]  # an error below a floor refutes the floor
         found = _summary(model, both, sources, floor, self.expected_rms[changing], residuals)
-        left_out = tuple(np.compress(~changing, self._model.joints))
+        left_out = tuple(name for name, known in zip(self._model.joints, changing, strict=True) if not known)
         return replace(found, not_compared=left_out, poses=self.noise.poses)
 
     @property
