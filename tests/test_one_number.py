@@ -5,13 +5,17 @@ import re
 from pathlib import Path
 from types import SimpleNamespace
 
+import numpy as np
 import pytest
 from click.testing import CliRunner
 
 import frischid as fr
 from frischid.cli import main
 from frischid.diagnosis.addition import add
+from frischid.figures.history import staircase, steps_of
+from frischid.model.events import cross_validated_nrmse
 from frischid.model.headline import headline_of
+from frischid.model.standstill_joints import rows_of
 from frischid.reports.study import study
 
 PLANAR2 = fr.Robot.load("planar2")
@@ -139,3 +143,32 @@ def test_a_damaged_error_is_an_error_of_the_file():
         with pytest.raises(fr.InputError, match="the model file is damaged"):
             headline_of({"action": "identify", "test": wrong})
     assert headline_of({"action": "identify fleet", "error_after": 0.1}) is None
+
+
+def test_with_the_torque_of_some_joints_it_is_the_error_of_these(case):
+    """It was the error of all joints: `add --torque-joints` had called 0.0448 of both joints → 0.0029 of one a gain."""
+    found = data_of("compare", case.path, case.own, "--torque-joints", "joint1")
+    every = fr.headline(case.model)
+    assert every.nrmse > 1.2 * every.joints["joint1"], "the joints differ"
+    assert found["headline"]["measured"] == "cross-validated"
+    assert found["headline"]["joints"] == {"joint1": found["headline"]["nrmse"]}
+    assert found["headline"]["nrmse"] == pytest.approx(every.joints["joint1"])
+    one = rows_of(case.model, np.array([True, False]))
+    assert found["headline"]["noise_floor"] == pytest.approx(fr.compare(one, case.logs[:1]).noise_floor)
+    assert cross_validated_nrmse(one.history, one.joints) == pytest.approx(every.joints["joint1"])
+    with pytest.raises(fr.InputError, match="of joint1 alone"):
+        fr.headline(one)
+    step = add(one, fr.parse_effects("joint_spring@joint1"), case.logs[:1])
+    refit = fr.identify(PLANAR2, case.logs[:1], torque_joints=["joint1"], recursion="none", effects=one.effects)
+    assert step.error_before == pytest.approx(refit.headline.nrmse, rel=0.05)
+
+
+def test_the_staircase_of_some_joints_ends_at_their_error(case):
+    """It ended at the error of all joints, beside the noise floor of all joints."""
+    step = add(case.model, SPRING, case.logs[:1])
+    one = rows_of(step.model, np.array([True, False]))
+    error = fr.headline(one, case.logs[:1])
+    assert [after for _, _, after in steps_of(one)] == pytest.approx(
+        [fr.headline(case.model).joints["joint1"], error.nrmse]
+    )
+    assert f"{error.nrmse / error.noise_floor:.1f}\u00a0× the noise floor" in staircase(one, error).reading

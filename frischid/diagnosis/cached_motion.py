@@ -58,7 +58,9 @@ class CachedMotion:
     t : Stored
         Times of the filtered samples, s.
     Z : sequence of Stored
-        For each joint the k columns that act on the joint, and its torque, (rows, k + 1).
+        For each joint the k columns that act on the joint, and its torque less `known`, (rows, k + 1).
+    known : sequence of Stored
+        For each joint the torque of known parameters, (rows,); empty for a robot without any.
     picked : sequence of Stored
         Filtered samples of each joint's rows.
     state : State or mapping of str to Stored
@@ -78,6 +80,7 @@ class CachedMotion:
     counts: Sequence[int]
     t: Stored
     Z: Sequence[Stored]
+    known: Sequence[Stored]
     picked: Sequence[Stored]
     state: State | Mapping[str, Stored]
 
@@ -134,8 +137,14 @@ class JointData:
 
     @property
     def tau(self) -> Array:
-        """Torque, (n,)."""
+        """Torque less that of known parameters, (n,)."""
         return self.Z[:, -1]
+
+    @property
+    def measured(self) -> Array:
+        """Torque as measured, (n,): with that of known parameters."""
+        known = self.motion.known
+        return np.asarray(self.tau + known[self.row].read()[self.at]) if known else self.tau
 
     @cached_property
     def picked(self) -> Picked:

@@ -40,6 +40,7 @@ from frischid.diagnosis.criteria import DiagnosisCriteria
 from frischid.diagnosis.cross_validation import CrossValidator
 from frischid.diagnosis.findings import Finding
 from frischid.diagnosis.residual_variables import MOST_ROWS, speeds, thinned
+from frischid.diagnosis.reversal_residuals import filtered_width
 from frischid.diagnosis.robust_fit import robust_parameters
 from frischid.diagnosis.unmodelled_terms import best_unmodelled
 
@@ -187,7 +188,8 @@ def _bursts(validator: CrossValidator, rest: CrossValidator, theta: Array, unit:
             error = joint.tau - validator.columns.predicted(joint, theta)
             sigma = np.sqrt(noise**2 + variance)
             z[joint.picked, row], friction[joint.picked, row] = error / sigma, dry[row] / sigma
-        found += _of_motion(source, t, z**2, friction**2, speed, validator)
+        reach = filtered_width(validator.model.lowpass, data.cache.motions[number].step)
+        found += _of_motion(source, t, z**2, friction**2, speed, reach, validator)
     return found
 
 
@@ -199,12 +201,14 @@ def _robust_spread(rest: CrossValidator, theta: Array) -> list[float]:
 
 
 def _of_motion(
-    source: str, t: Array, squares: Array, friction: Array, speed: Array, validator: CrossValidator
+    source: str, t: Array, squares: Array, friction: Array, speed: Array, reach: int, validator: CrossValidator
 ) -> list[Burst]:
-    """Bursts of one motion: squares of residual and dry friction in robust units, and speed over its rms, (N, J)."""
+    """Bursts of one motion.
+
+    Squares of residual and dry friction in robust units, and speed over its rms, (N, J); the filter's reach in rows.
+    """
     criteria, joints = validator.criteria, validator.joints
     step = float(np.median(np.diff(t))) if len(t) > 1 else 1.0
-    reach = len(validator.model.lowpass.taps(step))  # samples over which the filter spreads a contact
     smooth = ndimage.uniform_filter1d(squares, max(1, round(criteria.burst_seconds / step)), axis=0)
     total = smooth.max(axis=1)
     labels, count = ndimage.label(total > criteria.burst_edge)

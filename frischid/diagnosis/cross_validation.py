@@ -338,5 +338,6 @@ def _best(fits: Sequence[Fits], left_out: int) -> tuple[int, CandidateFit] | Non
 
 
 def _spread(data: RegressionData) -> Array:
-    """Standard deviation of each fitted joint's torque while the joint moves, (J,); zero where it never moves."""
-    return np.array([Autocorrelation.of(x.tau for x in data.motions_of(j)).std for j in range(len(data.model.joints))])
+    """Standard deviation of each fitted joint's measured torque while it moves, (J,); zero where it never moves."""
+    rows = range(len(data.model.joints))
+    return np.array([Autocorrelation.of(x.measured for x in data.motions_of(row)).std for row in rows])

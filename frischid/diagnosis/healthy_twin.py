@@ -179,7 +179,7 @@ class _Twin:
     noise : SensorNoise or None
         Noise of the path; None where the motion is a set of poses, which are averages.
     level : ndarray, shape (J,)
-        Standard deviation of the torque's noise, N·m (N).
+        Standard deviation of the torque's noise, N·m (N), as in the noise floor; zero where no torque is fitted.
     """
 
     path: Motion
@@ -193,9 +193,11 @@ class _Twin:
             return cls(replace(motion, tau=regressor.torque(motion, model.full_theta)), None, np.zeros(0))
         path = true_path(motion, lowpass)
         torque = regressor.torque(path, model.full_theta) + sharpened(model, path)
-        octaves = octaves_above(motion.tau, motion.direction, motion.step, model.lowpass)
-        noise = SensorNoise.of(path, motion, model.lowpass)
-        return cls(replace(path, tau=torque), noise, torque_noise(motion.tau, octaves, model.lowpass))
+        fitted, level = model.torque_index, np.zeros(torque.shape[1])
+        measured = motion.tau[:, fitted]
+        octaves = octaves_above(measured, motion.direction[:, fitted], motion.step, model.lowpass)
+        level[fitted] = torque_noise(measured, octaves, model.lowpass)
+        return cls(replace(path, tau=torque), SensorNoise.of(path, motion, model.lowpass), level)
 
     def seen(self, rng: np.random.Generator) -> Motion:
         """The record of the twin, with noise drawn at random."""

@@ -99,11 +99,14 @@ class MotionCache:
         times: list[Array] = []
         used: list[NDArray[np.bool_]] = []
         Z: list[list[Array]] = [[] for _ in index]
+        known: list[list[Array]] = [[] for _ in index if self.model.robot.known]
         for block in self.regressor.blocks(motion, lowpass):
             times.append(block.t)
             used.append(block.used)
             for parts, columns, j in zip(Z, self._columns, index, strict=True):
                 parts.append(block.Z[:, columns, j][block.used[:, j]])
+            for parts, j in zip(known, index, strict=False):
+                parts.append(block.known[:, j][block.used[:, j]])
         moving = np.concatenate(used)
         return CachedMotion(
             number=len(self.motions),
@@ -119,6 +122,7 @@ class MotionCache:
             counts=[int(n) for n in moving[:, index].sum(axis=0)],
             t=self.store.put(np.concatenate(times)),
             Z=[self.store.put(np.concatenate(parts)) for parts in Z],
+            known=[self.store.put(np.concatenate(parts)) for parts in known],
             picked=[self.store.put(np.flatnonzero(moving[:, j]).astype(np.int32)) for j in index],
             state=stored_state(self.regressor.state(motion), self.store),
         )

@@ -25,7 +25,7 @@ from frischid.estimators.least_squares import Estimate
 from frischid.logs.log import Log
 from frischid.logs.recording import Recording
 from frischid.model.comparison import compare
-from frischid.model.events import cross_validated_nrmse
+from frischid.model.events import cross_validated_nrmse, measured_within
 from frischid.model.headline import cross_validated, from_fit
 from frischid.model.identification import identify_again
 from frischid.model.identification_stages import read_logs
@@ -65,10 +65,10 @@ def fitted_error(model: Model) -> float:
 
 
 def known_error(model: Model, logs: Sequence[Log | Recording]) -> float | None:
-    """Cross-validated error on these very logs, if the model's last step measured it there."""
+    """Cross-validated error on these very logs, if the model's last step measured it there, on its joints alone."""
     last = model.history[-1] if model.history else {}
     same = [x["sha256"] for x in last.get("logs", ())] == [log.identity for log in logs]
-    always = last.get("situation") != "changed"
+    always = last.get("situation") != "changed" and measured_within(last, model.joints)
     return cross_validated_nrmse([last]) if same and always and model.estimate.estimator in {"wls", "map"} else None
 
 
@@ -134,7 +134,8 @@ def _changed(
     added = [c for e in new for c in e.columns(model.robot)]
     for candidate in validator.candidates(new):
         validator = validator.extended(candidate)
-    estimate, information = model.estimate, validator.fit.information
+    # not a pseudo-inverse, which has no variance in directions that these logs leave open
+    estimate, information, covariance = model.estimate, validator.fit.information, validator.fit.covariance
     sigma = estimate.sigma.copy()
     sigma[np.isin(estimate.joints, validator.joints)] = validator.fit.sigma  # of a joint that never moves it stays
     changed = replace(
@@ -145,7 +146,7 @@ def _changed(
         estimate=Estimate(
             (*estimate.columns, *added),
             validator.theta,
-            np.asarray(np.linalg.pinv(information, hermitian=True), dtype=float),
+            (covariance + covariance.T) / 2,
             estimate.joints,
             sigma,
             1.0 / sigma**2,

@@ -36,6 +36,7 @@ from frischid.core.types import Array
 from frischid.diagnosis.candidate_columns import Candidate
 from frischid.diagnosis.cross_validation import CrossValidator
 from frischid.diagnosis.residual_variables import speeds
+from frischid.logs.filters import LowPass
 
 
 def only_at_reversals(validator: CrossValidator, floor: Array, theta: Array | None = None) -> NDArray[np.bool_]:
@@ -68,6 +69,19 @@ def only_at_reversals(validator: CrossValidator, floor: Array, theta: Array | No
     return np.asarray((energy > 0) & (moving < slow_speed * energy) & (energy < most))
 
 
+def filtered_width(lowpass: LowPass, step: float) -> int:
+    """Filtered samples, an odd number, within the length of a filter whose own samples are `step` seconds apart.
+
+    Examples
+    --------
+    >>> from frischid.diagnosis.reversal_residuals import filtered_width
+    >>> from frischid.logs.filters import LowPass
+    >>> len(LowPass(5.0).taps(0.01)), LowPass(5.0).decimation(0.01), filtered_width(LowPass(5.0), 0.01)
+    (75, 6, 15)
+    """
+    return 2 * -(-(len(lowpass.taps(step)) // 2) // lowpass.decimation(step)) + 1
+
+
 def absent_in_motion(validator: CrossValidator, effect: Candidate, rows: Sequence[int]) -> bool:
     """Whether joints in motion show less than half of an effect that acts there too.
 
@@ -83,8 +97,8 @@ def absent_in_motion(validator: CrossValidator, effect: Candidate, rows: Sequenc
     criteria, wider = validator.criteria, validator.extended(effect)
     found: list[Array] = []
     for number, (t, relative) in enumerate(zip(validator.data.times, speeds(validator), strict=True)):
-        step = float(np.median(np.diff(t))) if len(t) > 1 else 1.0
-        slowest = ndimage.minimum_filter1d(np.abs(relative), len(validator.model.lowpass.taps(step)), axis=0)
+        width = filtered_width(validator.model.lowpass, validator.data.cache.motions[number].step)
+        slowest = ndimage.minimum_filter1d(np.abs(relative), width, axis=0)
         block = ((t - t[:1]) // criteria.block_seconds).astype(int)
         sums = np.zeros((block.max(initial=-1) + 1, 2))
         for row in rows:

@@ -140,7 +140,7 @@ def decided_situation(
     validator, seen = cross_validator(model, [excerpt(log).log for log in logs], criteria=criteria)
     if found is None or found.fit is None:
         return Decided(seen, found, before)
-    expected = {joint.name: joint.expected for joint in compare(before, logs).joints}
+    expected = {joint.name: joint.expected * joint.std for joint in compare(before, logs).joints}
     if not of_the_training_logs(found.fit, validator, effects, expected):
         return Decided("changed", found, before)
     return Decided("always", found, before, _touched(model, own, logs, validator, criteria))

@@ -136,7 +136,12 @@ def of_the_training_logs(
     effects : sequence of Effect
         Those that the training logs show. Where nothing is wrong on the new logs, none is needed.
     expected : mapping of str to float
-        NRMSE of each joint that the uncertainty of the model with these effects explains on the new logs.
+        Rms error of each joint that the uncertainty of the model with these effects explains on the new logs, N·m (N).
+
+    Notes
+    -----
+    A joint that never moves in one of the two may move in the other: joints are compared by name. Without motion in
+    the training logs a joint has no error there, and the other two of E_t remain.
     """
     criteria, model = new.criteria, new.model
     new = new.with_prior(weak_urdf_prior(model, criteria))
@@ -145,9 +150,9 @@ def of_the_training_logs(
         if here.columns and here.finite and there.columns:
             wide, narrow = wide.extended(here), narrow.extended(there)
     before, after = _errors_as_it_is(new), _errors_under(wide, narrow.theta)
-    there_too = np.maximum(narrow.base_nrmse() * narrow.spread, Floor.of(new).noise) / new.spread
-    uncertain = np.nan_to_num([expected.get(name, 0.0) for name in new.joints])
-    usual = np.minimum(np.maximum(there_too, uncertain), before)
+    trained = dict(zip(narrow.joints, (narrow.base_nrmse() * narrow.spread).tolist(), strict=True))
+    known = [[errors.get(name, 0.0) for name in new.joints] for errors in (trained, expected)]
+    usual = np.minimum(np.max([*np.nan_to_num(known), Floor.of(new).noise], axis=0) / new.spread, before)
     wrong, left = before**2 - usual**2, after**2 - usual**2
     clear = asks_for_explanation(before, usual, new)
     clear &= ~only_at_reversals(new, Floor.of(new).noise, model.estimate.theta)

@@ -13,7 +13,7 @@ from pathlib import Path
 import plotly.graph_objects as go
 
 from frischid.figures.style import BLUE, GREEN, Drawing, drawing
-from frischid.model.events import measured_on, selection_errors, test_errors
+from frischid.model.events import cross_validated_nrmse, measured_on, measured_within, selection_errors, test_errors
 from frischid.model.headline import Headline, cross_validated, headline_of
 from frischid.model.model import Model
 
@@ -25,11 +25,14 @@ def steps_of(model: Model, tested: bool = False) -> list[tuple[str, float | None
     """The steps of a model, with the error before and after each; steps without an error are skipped.
 
     The errors are those on the logs that select, or with `tested` those on the test logs. The first model's error is
-    the one before the first step, measured on the same data as the error after that step.
+    the one before the first step, measured on the same data as the error after that step. Of a model with the torque of
+    some joints alone, an error is that of these joints, and the one before a step is not known.
     """
     found: list[tuple[str, float | None, float]] = []
     for event in model.history:
         before, after = selection_errors(event)
+        if not measured_within(event, model.joints):
+            before, after = None, cross_validated_nrmse([event], model.joints)
         if after is None:
             continue
         if tested:
@@ -53,7 +56,8 @@ def known_on(model: Model, error: Headline) -> bool:
     if error.measured != "test" or not model.history:
         return False
     found = [headline_of(event) for event in model.history if selection_errors(event)[1] is not None]
-    return all(step is not None and step.measured == "test" and _same(step.logs, error.logs) for step in found)
+    known = [step for step in found if step is not None and step.measured == "test" and _same(step.logs, error.logs)]
+    return len(known) == len(found) and all(step.joints.keys() <= set(model.joints) for step in known)
 
 
 def _same(one: Sequence[str], other: Sequence[str]) -> bool:
@@ -74,7 +78,8 @@ def staircase(model: Model, error: Headline) -> Drawing:
     last_event = model.history[-1] if model.history else {}
     where = "on the test logs" if tested else measured_on(last_event)
     steps = steps_of(model, tested)
-    floor = (error if tested else cross_validated(last_event) or error).noise_floor
+    own = cross_validated(last_event) if measured_within(last_event, model.joints) else None
+    floor = (error if tested else own or error).noise_floor
     crowded = len(steps) > CROWD
     x: list[float | None] = []
     y: list[float | None] = []

@@ -11,6 +11,7 @@ from pathlib import Path
 import numpy as np
 import plotly.graph_objects as go
 
+from frischid.core.types import Array
 from frischid.figures.style import BLUE, VERMILION, Drawing, drawing, number, plain, stack, thinned, units_of
 from frischid.model.prediction import Prediction
 
@@ -44,7 +45,13 @@ def two_logs(prediction: Prediction, joint: str, sliding: bool = False) -> Drawi
                 x=plain(t[keep]), y=plain(values[keep]), name=name, line=line, mode="lines", yaxis=axis,
                 legendgroup=name, showlegend=axis == "y", hovertemplate="%{y:.4g} " + unit,
             )  # fmt: skip
-        said.append(f"{number(float(np.sqrt(np.nanmean(residual**2))), 3)} {unit} on {name}")
+        said.append(f"{_rms(residual, unit)} on {name}")
     stack(figure, [f"torque, {unit}", f"residual, {unit}"], (1.0, 1.0))
     figure.update_xaxes(title_text="time from each log's beginning, s")
     return drawing(f"{joint}: both logs", f"The rms residual is {' and '.join(said)}.", figure, 340)
+
+
+def _rms(residual: Array, unit: str) -> str:
+    """Rms of a residual in words; NaN where the joint rests."""
+    moving = residual[~np.isnan(residual)]
+    return f"{number(float(np.sqrt(np.mean(moving**2))), 3)} {unit}" if len(moving) else "unknown (the joint rests)"

@@ -6,10 +6,10 @@ Results name their logs. So logs in memory that share a name, such as two simula
 
 from __future__ import annotations
 
-from collections import Counter
 from collections.abc import Iterable, Sequence
 from dataclasses import replace
 from functools import partial
+from itertools import count
 from pathlib import Path
 from typing import TYPE_CHECKING, Any, TypeAlias
 
@@ -76,15 +76,14 @@ def whole_logs(given: Logs, joints: Sequence[str], mapping: MappingLike = None, 
 
 
 def _numbered(logs: Iterable[Log | Recording]) -> list[Log | Recording]:
-    """The logs, with a number behind the name of each that has the name of one before."""
-    found, names = list[Log | Recording](), Counter[str]()
+    """The logs, with a number behind the name of each that has the name of one before; no two get one name."""
+    found, names = list[Log | Recording](), set[str]()
     for log in logs:
-        names[log.source] += 1
-        again = f"{log.source} ({names[log.source]})"
-        if names[log.source] > 1 and isinstance(log, Log):
-            found.append(_NUMBERED.of(log, again, partial(replace, log, source=again)))
-        else:
-            found.append(log)
+        if log.source in names and isinstance(log, Log):
+            again = next(name for k in count(2) if (name := f"{log.source} ({k})") not in names)
+            log = _NUMBERED.of(log, again, partial(replace, log, source=again))
+        names.add(log.source)
+        found.append(log)
     return found
 
 

@@ -185,6 +185,7 @@ def _error(option: Assignment, table: Table, robot: Robot, t: Array, found: Prop
     columns = [found.joints[j]["q"] for j in joints] + [option.columns[j] for j in joints]
     grid = Grid.of(_values(table, columns), t)
     J = len(joints)
+    grid.y[:, :J] *= radians_per_unit(table, robot, found)
     return float(np.mean(np.log(unexplained(robot.keep(joints), grid, range(J), range(J, 2 * J)))))
 
 

@@ -108,10 +108,14 @@ class Motion:
 
 @dataclass(frozen=True)
 class Prepared:
-    """Motions of one log, and notes on all changes of the data."""
+    """Motions of one log, and notes on all changes of the data.
+
+    ``at_end`` is a note on the last stretch of a chunk, where no chunk follows that takes its samples over.
+    """
 
     motions: tuple[Motion, ...]
     notes: tuple[str, ...]
+    at_end: str = ""
 
 
 def prepare(
@@ -175,27 +179,25 @@ def prepare(
             f"{log.source}: stamps jitter by {off:.3g} ms, and the positions do not: the samples were taken at a "
             f"regular {median * 1e3:.4g} ms, and these times are used"
         )
-    jitter = np.abs(np.diff(log.t) - median)
-    if (jitter[jitter < longest] > 1e-3 * median).any():
+    steps = np.diff(log.t)
+    steps = steps[steps <= longest]  # longer ones are gaps, across which nothing is interpolated
+    if (np.abs(steps - median) > 1e-3 * median).any():
         notes.append(
-            f"{log.source}: steps between {np.diff(log.t).min() * 1e3:.3g} and {np.diff(log.t).max() * 1e3:.3g} ms, "
-            f"put on a uniform {median * 1e3:.3g} ms grid by cubic splines through the samples at their time stamps"
+            f"{log.source}: steps between {steps.min() * 1e3:.3g} and {steps.max() * 1e3:.3g} ms, put on a uniform "
+            f"{median * 1e3:.3g} ms grid by cubic splines through the samples at their time stamps"
         )
-    lost = sum(ends_of(median, lowpass)) + len(lowpass.taps(median)) + 1
+    lost = sum(ends_of(median, lowpass)) + len(lowpass.taps(median)) - 1
     least = lost + SPARE_SAMPLES
-    motions, too_short = [], 0
+    motions, dropped = [], {"here": 0, "at end": 0}
     for start, stop in pairwise(bounds):
         if stop - start < least:
-            too_short += stop - start
+            dropped["here" if whole or stop < len(log.t) else "at end"] += stop - start
             continue
-        motion, said = _motion(log.slice(start, stop), lowpass, velocity, float(log.t[0]) if begin is None else begin)
+        motion, news = _motion(log.slice(start, stop), lowpass, velocity, float(log.t[0]) if begin is None else begin)
         motions.append(motion)
-        notes += [s for s in said if s not in notes]
-    if too_short:
-        notes.append(
-            f"{log.source}: {counted(too_short, 'sample')} dropped in stretches shorter than the filters ({least} "
-            "samples)"
-        )
+        notes += [s for s in news if s not in notes]
+    said = {place: _dropped(log, samples, least) for place, samples in dropped.items() if samples}
+    notes += [said["here"]] if "here" in said else []
     if not motions:
         raise InputError(
             f"{log.source}: no stretch without a gap is longer than the filters need ({least} samples at this "
@@ -203,7 +205,12 @@ def prepare(
         )
     trimmed = lost * median * len(motions)
     notes.append(f"{log.source}: {trimmed:.2g} s trimmed at the ends, where the filters lack samples on one side")
-    return Prepared(tuple(motions), tuple(notes))
+    return Prepared(tuple(motions), tuple(notes), said.get("at end", ""))
+
+
+def _dropped(log: Log, samples: int, least: int) -> str:
+    """Note on samples in stretches that are too short."""
+    return f"{log.source}: {counted(samples, 'sample')} dropped in stretches shorter than the filters ({least} samples)"
 
 
 def ends_of(step: float, lowpass: LowPass) -> tuple[int, int]:

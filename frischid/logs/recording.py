@@ -181,7 +181,7 @@ class Motions:
             self._pass(log)
             return
         tail: tuple[Log, int] | None = None
-        begin, found = None, False
+        begin, found, at_end = None, False, ""
         for chunk in chunks_of(log):
             self._pass(chunk)
             begin = float(chunk.t[0]) if begin is None else begin
@@ -192,14 +192,16 @@ class Motions:
                 prepared = prepare(whole, self.lowpass, velocity=self.velocity, begin=begin, whole=False)
             except InputError as error:  # a chunk without a usable stretch is skipped
                 notes.append(str(error))
+                at_end = ""
                 tail = _end(whole, int(breaks_of(whole, self.lowpass)[-1]))
                 continue
-            found = True
+            found, at_end = True, prepared.at_end
             notes += prepared.notes
             yield from prepared.motions
             tail = _end(whole, _resume(whole, prepared.motions[-1], self.lowpass))
         if not found:
             raise InputError(f"{log.source}: {notes[-1] if notes else 'no samples'}")
+        notes += [at_end] if at_end else []
 
     def _whole(self, log: Log) -> Prepared:
         """The motions of a log in memory; nobody may write into them."""
@@ -266,7 +268,9 @@ def check_logs(logs: Sequence[Log | Recording], valid: Sequence[Log | Recording]
 
 
 def _same(one: Log | Recording, other: Log | Recording) -> bool:
-    """Whether two logs hold the same samples."""
+    """Whether two logs hold the same samples of all channels that both have; simulations repeat positions exactly."""
     if isinstance(one, Log) and isinstance(other, Log):
-        return np.array_equal(one.t, other.t) and np.array_equal(one.q, other.q)
+        channels = ((getattr(one, name), getattr(other, name)) for name in CHANNELS)
+        both = [(x, y) for x, y in channels if x is not None and y is not None]
+        return np.array_equal(one.t, other.t) and all(np.array_equal(x, y, equal_nan=True) for x, y in both)
     return one.identity is not None and one.identity == other.identity

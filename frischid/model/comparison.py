@@ -279,7 +279,7 @@ class ModelErrors:
         rmse = np.sqrt(sums.error2 / np.maximum(sums.count, 1))
         floor = np.minimum(self.noise.under(rmse), rmse)[changing]  # an error below a floor refutes the floor
         found = _summary(model, both, sources, floor, self.expected_rms[changing], residuals)
-        left_out = tuple(np.compress(~changing, self._model.joints))
+        left_out = tuple(name for name, known in zip(self._model.joints, changing, strict=True) if not known)
         return replace(found, not_compared=left_out, poses=self.noise.poses)
 
     @property
@@ -302,7 +302,7 @@ def _alarms(model: Model, summary: Comparison, errors: ModelErrors, criteria: Al
     """Alarms of a model on logs that it was not fitted to."""
     rmse = np.array([j.rmse for j in summary.joints])
     compared = np.isin(model.joints, summary.joints.names)
-    known = cross_validated_nrmse(model.history)
+    known = cross_validated_nrmse(model.history, model.joints)
     seen = Elsewhere(
         joints=summary.joints.names,
         spread=np.array([j.std for j in summary.joints]),

@@ -7,8 +7,10 @@ whole headline), or in another way that ``measured_on`` names (``error_before``,
 
 from __future__ import annotations
 
-from collections.abc import Mapping, Sequence
+from collections.abc import Collection, Mapping, Sequence
 from typing import Any
+
+import numpy as np
 
 
 def selection_errors(event: Mapping[str, Any]) -> tuple[float | None, float | None]:
@@ -29,20 +31,31 @@ def test_errors(event: Mapping[str, Any]) -> list[float]:
     return [float(x) for x in found if x is not None]
 
 
-def cross_validated_nrmse(history: Sequence[Mapping[str, Any]]) -> float | None:
+def cross_validated_nrmse(history: Sequence[Mapping[str, Any]], joints: Collection[str] | None = None) -> float | None:
     """The last cross-validated error in a history, NRMSE: the model's own, or the median of a fleet's robots.
 
     Parameters
     ----------
     history : sequence of mapping
         `Model.history`.
+    joints : collection of str, optional
+        Joints whose error counts, where the history has the error of each joint; all by default.
     """
     for event in reversed(history):
         found = _nrmse(event, "cross_validated")
+        if found is not None and joints is not None and not measured_within(event, joints):
+            each = event["cross_validated"]["joints"].items()
+            found = float(np.mean([x for name, x in each if name in joints] or [np.nan]))
         found = selection_errors(event)[1] if found is None and event["action"].startswith("identify") else found
         if found is not None:
             return found
     return None
+
+
+def measured_within(event: Mapping[str, Any], joints: Collection[str]) -> bool:
+    """Whether the cross-validated error of an event is one of these joints alone, as far as the event says."""
+    each = (event.get("cross_validated") or {}).get("joints")
+    return not isinstance(each, Mapping) or all(name in joints for name in each)
 
 
 def _nrmse(event: Mapping[str, Any], key: str) -> float | None:

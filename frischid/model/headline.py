@@ -24,6 +24,7 @@ from typing import Any, Literal
 import msgspec
 import numpy as np
 
+from frischid.core.text import listed
 from frischid.errors import InputError
 from frischid.logs.given import Logs, as_logs
 from frischid.logs.mapping import MappingLike
@@ -171,6 +172,8 @@ def headline(
 ) -> Headline:
     """The error of a model: on those logs that it was not fitted to; without such a log, cross-validated.
 
+    Of a model with the torque of some joints alone (``--torque-joints``), it is the error of these joints.
+
     Parameters
     ----------
     model : Model
@@ -188,7 +191,8 @@ def headline(
     Raises
     ------
     InputError
-        No log is given, and the model's file holds no cross-validated error; or the file is damaged there.
+        No log is given, and the model's file holds no cross-validated error of its joints alone; or the file is damaged
+        there.
 
     Examples
     --------
@@ -210,11 +214,15 @@ def headline(
         whole = comparison is not None and len(test) == len(logs)
         here = comparison if whole and comparison is not None else compare(model, test)
         return Headline.of(here, "test", alarms)
-    if known is not None:
+    if known is not None and known.joints.keys() <= set(model.joints):
         return known
     if not logs:
-        raise InputError("the model's file holds no cross-validated error; give a log to measure the error on")
-    return Headline.of(comparison or compare(model, logs), "fitted", alarms)
+        some = "" if known is None else f" of {listed(model.joints)} alone"
+        raise InputError(f"the model's file holds no cross-validated error{some}; give a log to measure the error on")
+    here = comparison or compare(model, logs)
+    if known is not None and known.joints.keys() >= here.joints.keys():  # of more joints: the references are not theirs
+        return from_fit(here, {name: known.joints[name] * joint.std for name, joint in here.joints.items()}, alarms)
+    return Headline.of(here, "fitted", alarms)
 
 
 def alarms_of_fit(history: Sequence[Mapping[str, Any]]) -> tuple[Alarm, ...]:

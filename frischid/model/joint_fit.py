@@ -15,8 +15,10 @@ class JointFit:
     ----------
     name : str
         The joint.
-    rmse, bias, std : float
-        Rms, mean and standard deviation of the residual, N·m (N).
+    rmse, bias : float
+        Rms and mean of the residual, N·m (N).
+    std : float
+        Standard deviation of the measured torque, N·m (N).
     nrmse : float
         Rms residual over the standard deviation of the measured torque.
     fit : float

@@ -21,6 +21,8 @@ from frischid.logs.filters import LowPass, noise_level
 from frischid.logs.log import Log
 from frischid.logs.poses import poses_of
 from frischid.logs.preprocessing import Motion, prepare
+from frischid.logs.time_grid import retimed
+from frischid.logs.wraps import unwrapped
 from frischid.model.model import Model
 from frischid.regression.regressor import Regressor
 from frischid.regression.structure import structure
@@ -103,12 +105,13 @@ def _judge(model: Model, given: Excerpt) -> Quality:
     prepared = prepare(chosen, model.lowpass, velocity=model.velocity)
     motions = prepared.motions
     channels = {"q": "q", "tau": "tau"} | ({"v": "v"} if chosen.v is not None else {})
+    times = retimed(unwrapped(chosen)).t  # where the samples were taken: stamps that jitter would be noise of a motion
     noise = {}
     for name, channel in channels.items():
         # The motion may have a velocity derived from q, so the noise of a measured one is measured in the log.
         parts = [chosen.v] if channel == "v" else [getattr(m, channel) for m in motions]
         weight = np.array([len(x) for x in parts if x is not None], dtype=float)
-        levels = np.array([noise_level(x) for x in parts if x is not None])
+        levels = np.array([noise_level(x, times if channel == "v" else None) for x in parts if x is not None])
         noise[name] = np.sqrt((weight[:, None] * levels**2).sum(axis=0) / weight.sum())
     stacked = {k: np.concatenate([getattr(m, k) for m in motions]) for k in ("q", "v", "a", "standstill")}
     report = inspect(

@@ -220,18 +220,19 @@ def shares_of_noise(spectra: Array, powers: Array) -> Array:
 def _carried_on(octaves: Octaves, cutoff: float) -> Array:
     """Power (J,) below a cut-off, Hz, from the powers above it.
 
-    All joints share one corner frequency; with only two octaves a corner cannot be distinguished from white noise.
+    All joints share one corner frequency; with only two octaves a corner cannot be distinguished from white noise. A
+    torque without any power in an octave, as one with coarse steps has, says nothing of the corner.
     """
-    powers = octaves.powers
-    if len(octaves.centres) < 3 or not (powers > 0).all():
-        return np.asarray(powers[0])
-    least, found = np.inf, powers[0]
+    found, seen = octaves.powers[0].copy(), (octaves.powers > 0).all(axis=0)
+    if len(octaves.centres) < 3 or not seen.any():
+        return np.asarray(found)
+    powers, least = octaves.powers[:, seen], np.inf
     for corner in CRITERIA.corners:
         spectra = spectra_of_noise(octaves.centres, corner, octaves.step)
         shares = shares_of_noise(spectra, powers)
         left = float(((spectra @ shares.T / powers - 1) ** 2).sum())
         if left < least:
-            least, found = left, shares @ mean_in_band(corner, cutoff)
+            least, found[seen] = left, shares @ mean_in_band(corner, cutoff)
     return np.asarray(found)
 
 

@@ -5,7 +5,8 @@
 The model's parameters are not fixed: they may move within their covariance, and friction by more. So what the bare
 robot's model does not know widens the bounds of the body. The body has a wide prior (up to the robot's own mass, within
 reach of a hand), which fills in what no motion of the log determines; the result says how much of each number came from
-the log. The logs show a body only if φ̂ᵀ C_φ⁻¹ φ̂ exceeds what chance reaches in 5 % of the cases (χ² of ten numbers).
+the log. The logs show a body only if φ̂ᵀ C_φ⁻¹ φ̂ exceeds what chance reaches in 5 % of the cases: χ² of as many numbers
+as act on the torque, ten on the last link of an arm of six joints and one on a linear axis.
 
 Source of the method with a known bare robot: Khalil, Gautier and Lemoine 2007, Identification of the payload inertial
 parameters of industrial manipulators, IEEE ICRA.
@@ -232,7 +233,8 @@ def payload(
         covariance[np.ix_(felt, felt)] = fit.covariance[p:, p:]
         mass = max(abs(float(phi[0])), 0.02 * robot_mass)
     errors = _errors(total(blocks), fit.theta, model.estimate.theta)
-    return _in_frame(phi, covariance, H, (_frame_name(robot, name, frame), name), errors, tuple(motions.notes))
+    names, chance = (_frame_name(robot, name, frame), name), _by_chance(fit.theta[p:], fit.covariance[p:, p:])
+    return _in_frame((phi, covariance), H, names, errors, tuple(motions.notes), chance)
 
 
 def _carrier(robot: Robot, wanted: str | None) -> str:
@@ -293,22 +295,32 @@ def _prior_covariance(mass: float, flange: Array) -> Array:
 
 
 def _errors(whole: Gram, theta: Array, bare: Array) -> tuple[float, float]:
-    """Mean NRMSE of the joints with the body and without it."""
-    spread = np.maximum(whole.torque_ss(), 1e-300)
+    """Mean NRMSE of the joints that move, with the body and without it."""
+    spread = whole.torque_ss()
+    moving = spread > 0
     without = np.concatenate([bare, np.zeros(len(theta) - len(bare))])
-    one, other = (float(np.mean(np.sqrt(whole.residual_ss(x) / spread))) for x in (theta, without))
+    one, other = (float(np.mean(np.sqrt(whole.residual_ss(x)[moving] / spread[moving]))) for x in (theta, without))
     return one, other
 
 
-def _in_frame(
-    phi: Array, covariance: Array, H: Array, names: tuple[str, str], errors: tuple[float, float], notes: tuple[str, ...]
-) -> IdentifiedPayload:
-    """The ten parameters as mass, centre and inertia about it, with bounds by the derivative of this change."""
+def _by_chance(phi: Array, covariance: Array) -> bool:
+    """Whether chance explains the numbers of a body that act on the torque."""
     spread = np.sqrt(np.diag(covariance))  # kilograms and kg·m² differ by many powers of ten
     far = phi / spread @ np.linalg.solve(covariance / np.outer(spread, spread), phi / spread)
-    by_chance = far <= special.chdtri(len(phi), 0.05)
+    return bool(far <= special.chdtri(len(phi), 0.05))
+
+
+def _in_frame(
+    found: tuple[Array, Array],
+    H: Array,
+    names: tuple[str, str],
+    errors: tuple[float, float],
+    notes: tuple[str, ...],
+    by_chance: bool,
+) -> IdentifiedPayload:
+    """The ten parameters as mass, centre and inertia about it, with bounds by the derivative of this change."""
     T = np.linalg.inv(parameter_transform(H))
-    phi, covariance = T @ phi, T @ covariance @ T.T
+    phi, covariance = T @ found[0], T @ found[1] @ T.T
     if by_chance or phi[0] <= 0:
         limit = max(float(phi[0]), 0.0) + 2.0 * float(np.sqrt(covariance[0, 0]))
         more = "" if by_chance else "; these logs differ from the model in another way: frischid diagnose MODEL LOG"

@@ -156,11 +156,13 @@ class Residuals:
         }
 
     def _near_reversal(self, v: Array) -> Flags:
-        changes = np.flatnonzero(np.diff(np.sign(v)) != 0)
-        width = max(1, round(CRITERIA.reversal_seconds / self.step))
+        """Samples near a reversal, by time: logs may have other rates, and one ends where no other begins."""
         near = np.zeros(len(v), bool)
-        for i in changes:
-            near[max(0, i - width + 1) : i + width + 1] = True
+        for part in (np.flatnonzero(self.source == number) for number in range(self.source.max() + 1)):
+            t, changes = self.t[part], np.flatnonzero(np.diff(np.sign(v[part])) != 0)
+            middle, reach = (t[changes] + t[changes + 1]) / 2, np.maximum(CRITERIA.reversal_seconds, self.step)
+            for first, last in zip(np.searchsorted(t, middle - reach), np.searchsorted(t, middle + reach), strict=True):
+                near[part[first:last]] = True
         return near
 
     def structure(self) -> dict[str, Structure]:

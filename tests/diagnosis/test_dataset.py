@@ -18,6 +18,7 @@ from frischid.diagnosis.diagnosis import diagnose
 from frischid.diagnosis.residual_variables import thinned, variables
 from frischid.effects import BASELINE, EFFECTS, parse_effects
 from frischid.logs.recording import Recording
+from frischid.model.comparison import compare
 from frischid.model.identification import identify
 from frischid.motions.simulation import Noise, simulate
 from frischid.motions.trajectory import random_fourier
@@ -202,3 +203,11 @@ def test_candidates_are_fitted_together_as_alone():
             if one is not None:
                 assert one.gain == pytest.approx(other.gain, rel=1e-9, abs=1e-9)
                 np.testing.assert_allclose(one.beta, other.beta, rtol=1e-6, atol=1e-9)
+
+
+def test_errors_are_shares_of_the_measured_torque():
+    """The rows lack the torque of known parameters: with a known link, errors were up to eight times as large."""
+    known = {name: dict(zip(ARM.all_names, ARM.nominal, strict=True))[name] for name in ("m2", "mx2")}
+    found = identify(Robot.load("planar2", known=known), [log_of(1)], recursion="none").model
+    validator = CrossValidator.of(found, [log_of(1)], weak_urdf_prior(found))
+    assert validator.spread == pytest.approx([joint.std for joint in compare(found, [log_of(1)]).joints])

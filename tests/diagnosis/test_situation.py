@@ -85,3 +85,24 @@ def test_nothing_to_add_is_said():
         fr.add(model(), [], [log_of(1, 5)])
     with pytest.raises(fr.InputError, match="there is no log to fit"):
         fr.add(model(), fr.parse_effects("stribeck"), [])
+
+
+@pytest.mark.parametrize(("resting_before", "resting_after"), [([], [2]), ([2], [])])
+def test_a_joint_may_rest_in_the_own_logs_or_in_the_new_ones(tmp_path, resting_before, resting_after):
+    """Errors were compared joint by joint by position: three against two ended in a ValueError of NumPy."""
+    machine = UR5.keep(UR5.joints[:3])
+
+    def recorded(seed, resting):
+        rng, motion = np.random.default_rng(seed), fr.random_fourier(machine, 15, seed=seed)
+        t = np.arange(0, 15, 0.01)
+        q, v, a = (np.array(x) for x in motion(t))
+        q[:, resting], v[:, resting], a[:, resting] = 0.3, 0.0, 0.0
+        noise = rng.standard_normal((2, *q.shape))
+        tau = machine.inverse_dynamics(q, v, a) + 5 * v + 0.2 * noise[0]
+        return fr.Log(t, machine.joints, q + 1e-6 * noise[1], tau=tau, source=f"log {seed}")
+
+    fr.write_log(recorded(1, resting_before), tmp_path / "own.parquet")
+    own = fr.read_log(tmp_path / "own.parquet", machine.joints)
+    trained = fr.identify(machine, [own], recursion="none").model
+    found = fr.diagnose_in_roles(trained, [recorded(2, resting_after)], effects=["joint_spring"])
+    assert (found.verdict, found.situation) == ("none", "always")

@@ -5,6 +5,7 @@ from dataclasses import replace
 import numpy as np
 import pytest
 
+import frischid as fr
 from frischid.diagnosis.clause import missing
 from frischid.diagnosis.floor import Floor, asks_for_explanation
 from frischid.diagnosis.improvement import improve
@@ -194,3 +195,24 @@ def test_an_own_log_that_tests_decides_nothing(machine):
     assert decided.found is not None
     assert not own_logs(model, own).logs
     assert decided_situation(model, new, "changed", valid=own).found is None
+
+
+def test_parameters_of_a_change_that_the_logs_leave_open_are_called_unknown():
+    """A payload where a joint rests: a mass of -0.194 ± 0.0019 kg, because a pseudo-inverse has no variance there."""
+    arm = fr.Robot.load("ur10").keep(("shoulder_pan_joint", "shoulder_lift_joint", "elbow_joint"))
+
+    def recorded(seed, resting):
+        rng, t = np.random.default_rng(seed), np.arange(0, 15, 0.01)
+        q, v, a = (np.array(x) for x in fr.random_fourier(arm, 15, seed=seed)(t))
+        q[:, resting], v[:, resting], a[:, resting] = 0.3, 0.0, 0.0
+        noise = rng.standard_normal((2, *q.shape))
+        tau = arm.inverse_dynamics(q, v, a) + 5 * v + 0.5 * noise[0]
+        return fr.Log(t, arm.joints, q + 1e-6 * noise[1], tau=tau, source=f"log {seed}")
+
+    model = fr.identify(arm, [recorded(1, [])], recursion="none").model
+    payload = fr.parse_effects("payload(full=True)@shoulder_lift_joint")
+    changed = fr.add(model, payload, [recorded(2, [2])], situation="changed").model
+    mass = changed.parameters["dm2"]
+    assert mass.stderr > 1000 * abs(mass.value)
+    assert changed.parameters["dmx2"].stderr < 1.0, "this one is determined"
+    assert np.linalg.eigvalsh(changed.estimate.covariance)[0] > 0

@@ -125,3 +125,20 @@ def test_a_push_takes_no_seconds_out_of_another_log():
     found = fr.diagnose(fr.identify(PLANAR2, logs, recursion="none").model, [logs[0], replace(logs[1], tau=tau)])
     assert found.verdict == "contact"
     assert {contact.source for contact in found.contacts} == {"simulated (2)"}
+
+
+def test_a_numbered_log_and_a_new_one_do_not_share_a_name(logs):
+    second = as_logs(logs, PLANAR2.joints)[1]
+    third = replace(logs[0], tau=2 * logs[0].tau)
+    names = [log.source for log in as_logs([logs[0], second, third], PLANAR2.joints)]
+    assert names == ["simulated", "simulated (2)", "simulated (3)"]
+
+
+def test_a_simulated_motion_that_comes_again_may_be_held_out():
+    """Its positions are the same to the last bit; the noise of its torque is another one."""
+    motion = fr.random_fourier(PLANAR2, 5.0, seed=1)
+    first, again = (fr.simulate(PLANAR2, motion, rate=50.0, noise=fr.Noise(tau=0.05), seed=seed) for seed in (1, 2))
+    assert np.array_equal(first.q, again.q)
+    assert fr.identify(PLANAR2, [first], valid=[again], recursion="none").headline.measured == "test"
+    with pytest.raises(InputError, match="both fitted and held out"):
+        fr.identify(PLANAR2, [first], valid=[replace(first, v=None, sha256="of another file")])

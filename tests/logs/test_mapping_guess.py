@@ -386,3 +386,18 @@ def test_a_unit_says_a_quantity_only_where_no_word_does():
         **{"actual_q_1": "q", "actual_q_2": "q", "A1 [A]": "current", "A2 [A]": "current"},
         **dict.fromkeys(foreign),
     }
+
+
+@pytest.mark.parametrize("unit", [1.0, 180 / np.pi], ids=["rad", "deg"])
+def test_of_two_torques_the_measured_one_is_taken_in_any_unit_of_the_angles(tmp_path, unit):
+    """With angles in degrees, the part that the controller's model leaves over had been explained best."""
+    panda = Robot.load("panda")
+    arm, rng = panda.keep(panda.joints[:7]), np.random.default_rng(0)
+    t = np.arange(0, 20, 0.01)
+    q, v, a = (np.array(x) for x in random_fourier(arm, 20, seed=1)(t))
+    noise = rng.standard_normal((2, *q.shape))
+    torque, left = arm.inverse_dynamics(q, v, a) + 0.02 * noise[0], 0.5 * v + 0.3 * v.std(axis=0) * noise[1]
+    kinds = {"q": unit * q, "tau_ext": left, "tau_measured": torque}
+    columns = {f"{kind}_{j + 1}": x[:, j] for kind, x in kinds.items() for j in range(7)}
+    write_table({"t": t} | columns, tmp_path / "log.csv")
+    assert propose(tmp_path / "log.csv", arm).joints[arm.joints[0]]["tau"] == "tau_measured_1"

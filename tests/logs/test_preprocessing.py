@@ -610,3 +610,16 @@ def test_no_torque_is_made_up_where_the_log_ends(lag):
     assert T[0] <= motion.t[0] + lag
     assert motion.t[-1] + lag <= T[-1] + 1e-9
     np.testing.assert_allclose(motion.tau[:, 0], np.sin(motion.t), atol=1e-6)
+
+
+def test_notes_say_what_is_done_to_a_log_with_a_gap():
+    """The gap of 5 s had been among the steps that are interpolated, and two samples more than lost were trimmed."""
+    t = np.arange(2000) * 0.01 + 0.002 * np.random.default_rng(0).uniform(-1, 1, 2000)
+    log = Log(np.where(np.arange(2000) > 1000, t + 5, t), ("a",), np.sin(2 * t)[:, None], source="log")
+    prepared = prepare(log, LowPass(None))
+    (steps,) = (note for note in prepared.notes if "steps between" in note)
+    assert "and 14 ms" in steps or "and 13.9 ms" in steps, steps
+    regular = Log(np.arange(500) * 0.1, ("a",), np.sin(0.02 * np.arange(500))[:, None])
+    (motion,), notes = (found := prepare(regular, LowPass(None))).motions, found.notes
+    (trimmed,) = (float(note.split(": ")[1].split(" s ")[0]) for note in notes if "trimmed" in note)
+    assert trimmed == pytest.approx(0.1 * (500 - len(motion.t)))

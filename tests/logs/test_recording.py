@@ -179,3 +179,14 @@ def test_the_command_line_reads_long_files_in_pieces(tmp_path, monkeypatch):
     one, many = (json.loads(result.output)["parameters"] for result in (whole, pieces))
     for a, b in zip(one, many, strict=True):
         assert abs(a["value"] - b["value"]) < 0.5 * a["stderr"]
+
+
+def test_samples_that_the_next_piece_takes_over_are_not_called_dropped():
+    """A gap 10 samples before the end of a piece: these 10 were said to be dropped, and were used."""
+    log = log_of(30.0)
+    late = Log(np.append(log.t[:2990], log.t[2990:] + 5.0), log.joints, log.q, tau=log.tau, source="two")
+    pieces = [late.slice(0, 3000), late.slice(3000)]
+    for given, dropped in ((pieces, False), (pieces[:1], True)):
+        motions = Motions([Recording("two", lambda _, given=given: iter(given))], ROBOT.joints, LowPass(5.0))
+        assert len(list(motions)) == (1 if dropped else 2)
+        assert any("10 samples dropped" in note for note in motions.notes) == dropped

@@ -9,6 +9,8 @@ from click.testing import CliRunner
 
 import frischid as fr
 from frischid.cli import main
+from frischid.figures.two_logs import two_logs
+from frischid.model.prediction import predict
 
 ARM = fr.Robot.load("planar2")
 TRUTH = {"fv1": 0.5, "fv2": 0.3, "fc1": 0.4, "fc2": 0.2}
@@ -77,3 +79,13 @@ def test_every_command_names_the_joint_that_it_cannot_judge(tmp_path):
         assert shown.exit_code in (0, 1), shown.output
         text = (tmp_path / "report.html").read_text() if command[0] == "report" else " ".join(shown.output.split())
         assert "no error of joint2 can be measured" in text.lower()
+
+
+@pytest.mark.filterwarnings("error")
+def test_two_logs_are_laid_over_one_another_where_a_joint_rests_in_one():
+    """NumPy warned of the mean of an empty slice, and the sentence had a dash for an error."""
+    logs = [held_log(2, 0), replace(held_log(3, 1), source="other")]
+    said = two_logs(predict(moving_model(), logs), "joint1").reading
+    assert "unknown (the joint rests) on held2" in said
+    assert "N·m on other" in said
+    assert repr(fr.compare(moving_model(), logs[:1]).not_compared) == "('joint1',)"
