@@ -36,7 +36,7 @@ CLOCK_NOISE = 0.5
 """Share of the positions' noise power, in the median joint, that must vanish before a regular clock replaces stamps."""
 SLOW = 64
 """Samples over which the distance of the stamps from a clock is averaged: jitter vanishes in this mean."""
-AROUND = 8
+BESIDE_LOSS = 8
 """Samples before and after a step that tell whether samples were lost in it."""
 LONGEST_BURST = 100
 """Mean steps. A busy computer stamps so many samples late, all at once; in a longer step nothing was sampled."""
@@ -137,10 +137,10 @@ def _clock(t: Array, step: float) -> Array:
 def _lost(t: Array, step: float) -> NDArray[np.intp]:
     """Samples lost before each sample, (N,): a loss moves all later stamps, and a late stamp only itself.
 
-    The stamps less the steps so far rise by a whole step at a loss. The lowest of the next `AROUND` and the lowest of
+    The stamps less the steps so far rise by a whole step at a loss. The lowest of the next `BESIDE_LOSS` and the lowest of
     those before tell this from a burst of late stamps, and the medians from jitter to both sides.
     """
-    moved, n = t / step - np.arange(len(t)), min(AROUND, len(t) - 1)
+    moved, n = t / step - np.arange(len(t)), min(BESIDE_LOSS, len(t) - 1)
     windows = np.lib.stride_tricks.sliding_window_view(np.pad(moved, n, mode="reflect"), n)
     low, middle = windows.min(axis=1), np.median(windows, axis=1)
     # at each sample, from the n samples before it to the n from it on
