@@ -137,8 +137,8 @@ def _clock(t: Array, step: float) -> Array:
 def _lost(t: Array, step: float) -> NDArray[np.intp]:
     """Samples lost before each sample, (N,): a loss moves all later stamps, and a late stamp only itself.
 
-    The stamps less the steps so far rise by a whole step at a loss. The lowest of the next `BESIDE_LOSS` and the lowest of
-    those before tell this from a burst of late stamps, and the medians from jitter to both sides.
+    The stamps less the steps so far rise by a whole step at a loss. The lowest of the next `BESIDE_LOSS` and the lowest
+    of those before tell this from a burst of late stamps, and the medians from jitter to both sides.
     """
     moved, n = t / step - np.arange(len(t)), min(BESIDE_LOSS, len(t) - 1)
     windows = np.lib.stride_tricks.sliding_window_view(np.pad(moved, n, mode="reflect"), n)
