@@ -21,13 +21,10 @@ from frischid.checks.log_issue import Notebook, span
 from frischid.checks.position_faults import Moved, degree_faults
 from frischid.checks.row_fits import RowFits, local_fits
 from frischid.checks.sketch import Sketch
-from frischid.logs.column_units import in_millimetres
+from frischid.logs.column_units import SPARE_SHARE, in_millimetres
 from frischid.logs.log import Log
 from frischid.robot.robot import Robot
 from frischid.robot.stated_inertials import unstated
-
-SPARE_SHARE = 0.1
-"""Share of the range between the limits by which a joint may leave them, as in a proposed mapping."""
 
 
 @dataclass(frozen=True, eq=False)

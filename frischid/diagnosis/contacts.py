@@ -106,7 +106,7 @@ def find_contacts(validator: CrossValidator, floor: Array) -> list[Burst]:
     list of Burst
     """
     found, rest, theta = _trimmed(validator, floor)
-    if not _stands_out(validator, rest, floor, theta):
+    if found and not _stands_out(validator, rest, floor, theta):
         found = [burst for burst in found if _strong(validator, burst.contact)]
     return [] if _return(validator, rest, found) else found
 
@@ -147,7 +147,7 @@ def _trimmed(validator: CrossValidator, floor: Array) -> tuple[list[Burst], Cros
 
 def _return(validator: CrossValidator, rest: CrossValidator, found: Sequence[Burst]) -> bool:
     """Whether bursts return with the state of their joint."""
-    return returning_share(validator, rest, stretches(found)) > validator.criteria.returning_share
+    return bool(found) and returning_share(validator, rest, stretches(found)) > validator.criteria.returning_share
 
 
 def _short(validator: CrossValidator, found: Sequence[Burst]) -> bool:

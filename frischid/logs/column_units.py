@@ -14,6 +14,8 @@ from frischid.logs.wraps import TURN
 from frischid.robot.robot import Robot
 
 DEGREES_PER_RADIAN = 180 / np.pi
+SPARE_SHARE = 0.1
+"""Share of the range between a joint's limits by which its angles may leave them: a zero is seldom exact."""
 
 
 def check_velocities(table: Table, t: Array, found: Proposal) -> None:
@@ -133,7 +135,7 @@ def _outside_limits(table: Table, robot: Robot, found: Proposal) -> tuple[bool, 
         if not np.isfinite(low) or not np.isfinite(high):
             low, high = -TURN, TURN
         q = np.asarray(table.numeric[columns["q"]], dtype=float)
-        q, room = q[np.isfinite(q)], 0.1 * (high - low)
+        q, room = q[np.isfinite(q)], SPARE_SHARE * (high - low)
         outside += bool((q < low - TURN).any() or (q > high + TURN).any())
         radians = q / DEGREES_PER_RADIAN
         if len(radians) and np.abs(q).max() <= 360:  # 0° to 360° or -180° to 180°: the same angles

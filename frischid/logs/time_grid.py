@@ -34,7 +34,7 @@ LEAST_JITTER = 1e-3
 """Jitter of the steps, share of the median step, below which stamps count as regular: rounding in a file."""
 CLOCK_NOISE = 0.5
 """Share of the positions' noise power, in the median joint, that must vanish before a regular clock replaces stamps."""
-SLOW = 64
+AVERAGED_STAMPS = 64
 """Samples over which the distance of the stamps from a clock is averaged: jitter vanishes in this mean."""
 BESIDE_LOSS = 8
 """Samples before and after a step that tell whether samples were lost in it."""
@@ -97,7 +97,7 @@ def retimed(log: Log) -> Log:
 
 def _is_jitter(late: Array) -> bool:
     """Whether stamps jitter about a clock: a late stamp moves itself alone, a wrong count of steps all later stamps."""
-    slow = ndimage.uniform_filter1d(late, SLOW)
+    slow = ndimage.uniform_filter1d(late, AVERAGED_STAMPS)
     return bool(slow.std() <= (late - slow).std())
 
 
