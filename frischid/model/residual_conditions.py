@@ -158,7 +158,7 @@ class Residuals:
     def _near_reversal(self, v: Array) -> Flags:
         """Samples near a reversal, by time: logs may have other rates, and one ends where no other begins."""
         near = np.zeros(len(v), bool)
-        for part in (np.flatnonzero(self.source == number) for number in range(self.source.max() + 1)):
+        for part in (np.flatnonzero(self.source == number) for number in np.unique(self.source)):
             t, changes = self.t[part], np.flatnonzero(np.diff(np.sign(v[part])) != 0)
             middle, reach = (t[changes] + t[changes + 1]) / 2, np.maximum(CRITERIA.reversal_seconds, self.step)
             for first, last in zip(np.searchsorted(t, middle - reach), np.searchsorted(t, middle + reach), strict=True):
