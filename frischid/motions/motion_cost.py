@@ -16,7 +16,7 @@ from frischid.core.types import Array
 from frischid.effects import Effect
 from frischid.errors import InputError
 from frischid.motions.limits import STATE_STEP
-from frischid.motions.optimality import UNSMOOTHED, Criterion
+from frischid.motions.optimality import UNSMOOTHED, Criterion, inflation
 from frischid.regression.regressor import Regressor
 from frischid.regression.structure import structure
 from frischid.robot.robot import Robot
@@ -46,7 +46,9 @@ class Cost:
         self.regressor, self.criterion, self.t = Regressor(robot, effects), criterion, t
         # A criterion of columns that are not scaled means those of the URDF's own units.
         scale = None if criterion.scaled else SI
-        self.base = np.array(structure(self.regressor, robot.joints, scale=scale).base)
+        reduction = structure(self.regressor, robot.joints, scale=scale)
+        self.base = np.array(reduction.base)
+        self.names = tuple(column.name for column in reduction.base_columns())
         rows = len(t) * len(robot.joints)
         if rows <= len(self.base):
             raise InputError(
@@ -65,6 +67,10 @@ class Cost:
         """Cost of q, q̇, q̈ at other times t, (3, M, J), of a criterion without displacements."""
         Y = self.regressor(t, *states)
         return self.criterion(Y[None, :, self.base])[0]
+
+    def inflation(self, t: Array, states: Array) -> Array:
+        """Inflation of each base parameter's standard error at other times t, (3, M, J) states, shape (p,)."""
+        return inflation(self.regressor(t, *states)[:, self.base])
 
     def gradient(self, states: Array, exponent: float) -> tuple[float, Array]:
         """Cost, and its derivative with respect to the states, (3, N, J)."""

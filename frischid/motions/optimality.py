@@ -214,6 +214,36 @@ def criterion_of(criterion: str | Criterion) -> Criterion:
     return CRITERIA[criterion]()
 
 
+def inflation(W: Array) -> Array:
+    """Standard error of each parameter, over its standard error where all other parameters are known.
+
+    The variance of θ_i is proportional to ``(M⁻¹)_ii``, and to ``1/M_ii`` where all others are known. So this is the
+    square root of the variance inflation factor; no value exceeds the condition number of columns at unit norm.
+    Source: D. W. Marquardt 1970, Technometrics 12(3).
+
+    Parameters
+    ----------
+    W : ndarray, shape (N, p, J)
+        Base regressor along a motion.
+
+    Returns
+    -------
+    ndarray, shape (p,)
+
+    Examples
+    --------
+    >>> import numpy as np
+    >>> from frischid.motions.optimality import inflation
+    >>> W = np.array([[1.0, 1.0, 0.0], [1.0, 0.0, 0.0], [0.0, 0.0, 1.0]])[:, :, None]  # two alike, one on its own
+    >>> inflation(W).round(2).tolist()
+    [1.41, 1.41, 1.0]
+    """
+    M = _moments(W)
+    root = np.sqrt(np.maximum(M.diagonal(), 1e-300))
+    values, vectors = _spectrum(M / np.outer(root, root))
+    return np.asarray(np.sqrt((vectors**2 / values).sum(axis=1)))
+
+
 def _moments(W: Array) -> Array:
     """Π'Π of a regressor of shape (N, p, J)."""
     flat = W.transpose(1, 0, 2).reshape(W.shape[1], -1)

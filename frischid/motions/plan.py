@@ -68,6 +68,9 @@ class Plan(Shown):
         Number of computed regressors of all N samples; a gradient counts as the displaced regressors that it needs.
     seconds : float
         Time of the search, s.
+    inflation : dict of str to float
+        Standard error of each base parameter on this motion, over its standard error where all others are known, the
+        largest first (`frischid.motions.optimality.inflation`).
     violations : tuple of Violation
         Limits that the motion does not keep, with joint and time.
     notes : tuple of str
@@ -90,6 +93,7 @@ class Plan(Shown):
     history: Array
     evaluations: int
     seconds: float
+    inflation: dict[str, float]
     violations: tuple[Violation, ...]
     notes: tuple[str, ...]
 
@@ -233,14 +237,18 @@ def _searched(seed: int, task: _Task, progress: Progress | None = None) -> Plan:
     with threadpool_limits(limits=1, user_api="blas"):
         X = search.run(seed)
     motion = shape.build(X)
+    sampled = np.linspace(0.0, search.duration, int(np.ceil(CHECK_RATE * search.duration)) + 1)
+    states = np.stack(motion(sampled))
+    inflation = dict(zip(search.cost.names, search.cost.inflation(sampled, states).tolist(), strict=True))
     return Plan(
         joints=task.robot.joints,
         trajectory=motion,
         criterion=search.cost.criterion.name,
-        cost=_final_cost(search, motion, X),
+        cost=_final_cost(search, sampled, states, X),
         history=np.array(search.history).reshape(-1, 2),
         evaluations=search.cost.evaluations,
         seconds=0.0,
+        inflation=dict(sorted(inflation.items(), key=lambda item: -item[1])),
         violations=tuple(violations(task.robot, motion, task.limits, task.clearance)),
         notes=(*task.clearance.notes, *_of_torques(task.robot)),
     )
@@ -252,12 +260,11 @@ def _of_torques(robot: Robot) -> list[str]:
     return [f"the URDF has {what}: {said}"] if what else []
 
 
-def _final_cost(search: Search, motion: ClosedForm, X: Array) -> float:
-    """Cost of the motion as a log will hold it."""
+def _final_cost(search: Search, t: Array, states: Array, X: Array) -> float:
+    """Cost of the motion with coefficients X as a log will hold it: its states at the times t."""
     if search.bounds == "points" or search.cost.criterion.of_points:
         return search.cost(search.at_samples @ X)
-    fine = np.linspace(0.0, search.duration, int(np.ceil(CHECK_RATE * search.duration)) + 1)
-    return search.cost.along(fine, np.stack(motion(fine)))
+    return search.cost.along(t, states)
 
 
 def _share(progress: Progress, number: int, starts: int) -> Progress:

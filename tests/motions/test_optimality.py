@@ -3,7 +3,7 @@
 import numpy as np
 import pytest
 
-from frischid.motions.optimality import DOptimal, Paper, Separation
+from frischid.motions.optimality import Condition, DOptimal, Paper, Separation, inflation
 
 
 def flat(W):
@@ -40,3 +40,21 @@ def test_psi_is_the_largest_row_of_the_noises_correlation(draws):
     S = noise.T @ noise / len(noise)
     expected = np.abs(S - np.diag(np.diag(S))).sum(axis=1).max()
     assert Paper(condition=0.0, smallest=0.0, draws=draws)(W)[0] == pytest.approx(expected)
+
+
+def test_inflation_is_one_over_what_the_others_leave_of_a_column():
+    W = np.random.default_rng(6).normal(size=(1, 30, 5, 2))
+    W[0, :, 4] = W[0, :, 0] + 0.01 * W[0, :, 4]
+    rows = flat(W[0])
+    for k, found in enumerate(inflation(W[0])):
+        others = np.delete(rows, k, axis=1)
+        left = rows[:, k] - others @ np.linalg.lstsq(others, rows[:, k], rcond=None)[0]
+        assert found == pytest.approx(np.linalg.norm(rows[:, k]) / np.linalg.norm(left))
+        assert found <= Condition()(W)[0]
+
+
+def test_inflation_of_a_column_without_torque_is_finite():
+    W = np.random.default_rng(7).normal(size=(30, 3, 2))
+    W[:, 1] = 0.0
+    assert np.isfinite(inflation(W)).all()
+    assert inflation(W).argmax() == 1

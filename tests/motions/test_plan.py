@@ -1,5 +1,6 @@
 """Exciting motions: gradients, limits at every instant, rest, reproducibility, the paper's cost on its own points."""
 
+import json
 import os
 import re
 from dataclasses import replace
@@ -401,3 +402,24 @@ def test_a_motion_that_breaks_a_limit_is_an_alarm(tmp_path):
     result = CliRunner().invoke(main, words)
     assert result.exit_code == 1, result.output
     assert result.output.startswith("ALARM limit-not-kept: The motion does not keep all limits: torque of lift")
+
+
+def test_parameters_that_the_motion_determines_least_are_named(tmp_path):
+    """Not a bare condition number: an offset resembles gravity where three seconds allow no full turn."""
+    (tmp_path / "folding.urdf").write_text(FOLDING)
+    words = [
+        "excite",
+        str(tmp_path / "folding.urdf"),
+        "-o",
+        str(tmp_path / "m.csv"),
+        "--duration",
+        "3",
+        "--budget",
+        "70",
+    ]
+    page = json.loads(CliRunner().invoke(main, [*words, "--json"]).output)
+    inflation = page["inflation"]
+    assert list(inflation.values()) == sorted(inflation.values(), reverse=True)
+    first, times = next(iter(inflation.items()))
+    assert 10.0 < times <= page["cost"]
+    assert f"least determined: {first}" in CliRunner().invoke(main, words).output

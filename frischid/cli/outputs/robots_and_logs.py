@@ -212,6 +212,7 @@ class PlanOutput(Output):
     cost: float
     evaluations: int
     seconds: NotNegative
+    inflation: dict[str, float]
     violations: list[str]
     seconds_of_motion: NotNegative
     approach_seconds: NotNegative

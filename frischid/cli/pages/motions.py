@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Iterator
+from collections.abc import Iterator, Mapping
 from typing import Any
 
 import numpy as np
@@ -17,6 +17,8 @@ from frischid.motions.plan import Plan
 from frischid.motions.programme import NEAREST_MEASURED, Nearest, Programme
 
 PEAKS = "largest values, of the limits that the plan may use (positions from the middle of the range)"
+INFLATED = 10.0  # standard error of a parameter that is named, over that with all others known
+MOST_NAMED = 5  # such parameters
 NOTABLY_SHARPER = 1.05  # ratio of standard errors above which a planned motion is called better
 
 
@@ -49,6 +51,7 @@ def excitation(
     lines: list[Any] = [
         *told,
         f"{planned.criterion} {planned.cost:.4g} after {planned.evaluations:,} evaluations in {planned.seconds:.1f} s",
+        *([] if aim else [_least_determined(planned.inflation)]),
         *planned.notes,
         _peaks(motion),
         *_distance(motion),
@@ -62,6 +65,7 @@ def excitation(
         "cost": planned.cost,
         "evaluations": planned.evaluations,
         "seconds": planned.seconds,
+        "inflation": planned.inflation,
         "violations": [str(v) for v in planned.violations],
         "seconds_of_motion": motion.duration,
         "approach_seconds": motion.approach,
@@ -82,6 +86,25 @@ def excitation(
     if narrower is not None:
         data["standard_errors_smaller_by"] = narrower
     return Page(data, lines, unsafe(planned))
+
+
+def _least_determined(inflation: Mapping[str, float]) -> str:
+    """The parameters that resemble others along the motion; a condition number says only that there are some.
+
+    Examples
+    --------
+    >>> _least_determined({"m8": 168.2, "m9": 163.9, "fc1": 1.4})
+    'least determined: m8 and m9 (standard errors 168 and 164 times as large as with all other parameters known)'
+    >>> _least_determined({"fc2": 1.31, "fc1": 1.2})
+    'every standard error is at most 1.3 times as large as with all other parameters known'
+    """
+    named = [name for name in inflation if inflation[name] > INFLATED][:MOST_NAMED]
+    known = "as large as with all other parameters known"
+    if not named:
+        return f"every standard error is at most {max(inflation.values()):.2g} times {known}"
+    errors = "standard error" if len(named) == 1 else "standard errors"
+    times = listed([f"{inflation[name]:.3g}" for name in named])
+    return f"least determined: {listed(named)} ({errors} {times} times {known})"
 
 
 def unsafe(planned: Plan) -> list[Alarm]:
