@@ -94,7 +94,7 @@ def test_a_check_counts_the_logs():
 def test_adding_an_effect_and_simulating_count_their_work():
     (robot, logs), told = made(2), []
     model = fr.identify(robot, logs[:1], recursion="none").model
-    fr.add(model, fr.parse_effects("joint_spring@joint2"), logs[:1], progress=told.append)
+    fr.add(model, fr.parse_effects("joint_spring@joint2"), logs[:1], situation="always", progress=told.append)
     assert [stage_of(text)[1:] for text in told] == [(2, 3), (3, 3)], "the situation is named, so nothing looks for it"
     told.clear()
     fr.compare_simulated(model, logs, horizons=[0.1], progress=told.append)
