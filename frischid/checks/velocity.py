@@ -15,6 +15,7 @@ from numpy.typing import NDArray
 from frischid.checks.channels import testifies
 from frischid.checks.log_issue import Notebook, span
 from frischid.core.types import Array
+from frischid.logs.column_units import DEGREES_PER_RADIAN, TURNS_PER_MINUTE
 from frischid.logs.derivatives import LATE_VELOCITY
 from frischid.logs.filters import LowPass, correlate, derivative_taps, noise_level
 from frischid.logs.log import Log
@@ -22,9 +23,12 @@ from frischid.logs.mapping_rules import TICKS_PER_SECOND
 from frischid.logs.time_grid import uniform
 from frischid.logs.velocity_lag import VelocityLag, peaks, velocity_lag
 
-_DEGREES_PER_RADIAN = 180 / np.pi
 _LAG_ERRORS = 3.0
 """A lag within so many standard errors of zero is noise."""
+_ADVICE = (
+    "set velocity_factor = {value:.4g} under {table} in a mapping file, or leave the column out; frischid does not "
+    "use it now"
+)
 
 
 def check_velocity(log: Log, lowpass: LowPass, notes: Notebook) -> None:
@@ -127,14 +131,14 @@ def _scaled(factor: Array, good: NDArray[np.bool_], notes: Notebook) -> None:
             return
     cases = [
         (
-            _DEGREES_PER_RADIAN,
+            DEGREES_PER_RADIAN,
             "degrees",
             "velocities are in degrees",
-            "convert it, or leave the column out; frischid does not use it now",
+            _ADVICE,
             False,
         ),
         (
-            1 / _DEGREES_PER_RADIAN,
+            1 / DEGREES_PER_RADIAN,
             "degrees",
             "positions are in degrees, velocities are not",
             "convert the positions",
@@ -144,7 +148,14 @@ def _scaled(factor: Array, good: NDArray[np.bool_], notes: Notebook) -> None:
             -1.0,
             "velocity sign",
             "it has the wrong sign",
-            "correct it, or leave the column out; frischid does not use it now",
+            _ADVICE,
+            False,
+        ),
+        (
+            TURNS_PER_MINUTE,
+            "velocity scale",
+            "velocities are in revolutions per minute",
+            _ADVICE,
             False,
         ),
     ]
@@ -158,7 +169,7 @@ def _scaled(factor: Array, good: NDArray[np.bool_], notes: Notebook) -> None:
         factor,
         "velocity scale",
         "a gear ratio or a unit",
-        "correct it; frischid does not use it now",
+        _ADVICE,
         False,
     )
 
@@ -168,7 +179,10 @@ def _say(
 ) -> None:
     if hit.any():
         what = f"the measured velocity is {span(factor[hit])} times the slope of the position: {words}"
-        notes.add(kind, what, notes.which(hit), "certain", advice, blocks=blocks)
+        where = notes.which(hit)
+        table = f"[joint.{where[0]}]{' and the like' * (len(where) > 1)}"
+        advice = advice.format(table=table, value=1 / float(factor[hit][0]))
+        notes.add(kind, what, where, "certain", advice, blocks=blocks)
 
 
 def _unrelated(i: int, correlation: Array, seen: NDArray[np.bool_], notes: Notebook) -> None:

@@ -60,8 +60,8 @@ def add(
     valid : sequence of Log, Recording or data frame, or one data frame
         Test logs: their error is stated, and nothing else uses them.
     situation : {"auto", "always", "changed"}
-        ``"auto"`` is decided as by `diagnose`, and by ``frischid add``. ``"always"``: all parameters are fitted again. ``"changed"``: the
-        model's own parameters are kept as a prior, so that the change ends up in the effect.
+        ``"auto"`` is decided as by `diagnose`, and as by ``frischid add``. ``"always"``: all parameters are fitted
+        again. ``"changed"``: the model's own parameters are kept as a prior, so that the change ends up in the effect.
     finding : Finding, optional
         The finding that proposed the effects, for the model's history.
     criteria : DiagnosisCriteria, optional

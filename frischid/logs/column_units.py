@@ -14,13 +14,26 @@ from frischid.logs.wraps import TURN
 from frischid.robot.robot import Robot
 
 DEGREES_PER_RADIAN = 180 / np.pi
+TURNS_PER_MINUTE = 30 / np.pi
+"""Revolutions per minute in 1 rad/s."""
+VELOCITY_UNITS = (
+    ("degrees per second", DEGREES_PER_RADIAN),
+    ("radians per second", 1 / DEGREES_PER_RADIAN),
+    ("revolutions per minute", TURNS_PER_MINUTE),
+    ("revolutions per minute", TURNS_PER_MINUTE / DEGREES_PER_RADIAN),
+    ("millimetres per second", 1e3),
+    ("metres per second", 1e-3),
+)
+"""Velocity over the slope of its position, where the two have different units: rad, deg, m or mm."""
+SAME_FACTOR = 0.02
+"""Share by which the measured factor of a velocity may differ from that of its unit."""
 SPARE_SHARE = 0.1
 """Share of the range between a joint's limits by which its angles may leave them: a zero is seldom exact."""
 
 
 def check_velocities(table: Table, t: Array, found: Proposal) -> None:
-    """Keep a velocity only where it is the slope of its position, and note how well the two agree."""
-    for columns in found.joints.values():
+    """Keep a velocity only where it is the slope of its position, in a known unit, and note how well the two agree."""
+    for joint, columns in found.joints.items():
         if "v" not in columns or len(t) < 20:
             continue
         slope = np.gradient(
@@ -40,9 +53,13 @@ def check_velocities(table: Table, t: Array, found: Proposal) -> None:
             del columns["v"]
         elif abs(float(v @ slope) / float(slope @ slope) - 1) > 0.2:
             factor = float(v @ slope) / float(slope @ slope)
-            found.reasons.append(
-                f"{columns['v']} is {factor:.3g} times the slope of {columns['q']}: other unit or sign? left out"
-            )
+            what = f"{columns['v']} is {factor:.3g} times the slope of {columns['q']}"
+            known = next(((name, x) for name, x in VELOCITY_UNITS if abs(factor / x - 1) < SAME_FACTOR), None)
+            if known is not None:
+                found.reasons.append(f"{what}: it is in {known[0]}")
+                found.units.setdefault(joint, {})["velocity_factor"] = float(f"{1 / known[1]:.6g}")
+                continue
+            found.reasons.append(f"{what}: other unit or sign? left out")
             del columns["v"]
 
 

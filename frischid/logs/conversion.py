@@ -250,12 +250,12 @@ def _convert(
     effort = entry.sign * entry.torque_sign
     factors = {
         "q": motion,
-        "v": motion,
+        "v": motion * entry.velocity_factor,
         "a": motion,
         "tau": effort * entry.gear_ratio * entry.torque_factor,
         "current": effort * entry.current_factor,
     }
-    factors |= {"qcmd": motion, "vcmd": motion, "tauff": factors["tau"]}
+    factors |= {"qcmd": motion, "vcmd": factors["v"], "tauff": factors["tau"]}
     channels: dict[str, Array] = {}
     for channel, name in columns.items():
         raw = np.asarray(table.values(name), dtype=np.float64)

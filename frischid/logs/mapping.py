@@ -7,7 +7,8 @@
 
 A `LogMap` gives the joint and channel of each column, and the unit and direction in which it was recorded:
 
-    q = sign · unit · raw / gear_ratio + offset        q̇, q̈ = sign · unit · raw / gear_ratio
+    q = sign · unit · raw / gear_ratio + offset        q̇ = sign · unit · velocity_factor · raw / gear_ratio
+    q̈ = sign · unit · raw / gear_ratio
     i = sign · torque_sign · raw                       τ = sign · torque_sign · torque_factor · gear_ratio · raw
                                                        or τ = current_gain · i
 
@@ -51,6 +52,8 @@ class JointMap:
         Added to q and qcmd after sign, unit and gear [rad or m].
     gear_ratio : float
         Gear ratio if the columns are motor-side: q, v, a, qcmd, vcmd are divided by it, tau and tauff are multiplied.
+    velocity_factor : float
+        Further factor of v and vcmd only, where their unit is not that of the positions per second: 0.10472 for rpm.
     torque_sign : {1, -1}
         Further factor of tau, tauff and current only.
     torque_factor : float
@@ -76,6 +79,7 @@ class JointMap:
     sign: int = 1
     offset: float = 0.0
     gear_ratio: float = 1.0
+    velocity_factor: float = 1.0
     torque_sign: int = 1
     torque_factor: float = 1.0
     current_factor: float = 1.0

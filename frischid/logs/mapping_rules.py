@@ -100,6 +100,7 @@ JOINT_RULES: dict[str, Rule] = dict.fromkeys(CHANNELS, COLUMN_RULE) | {
     "sign": SIGN_RULE,
     "offset": Rule(_is_finite, "a number", FINITE),
     "gear_ratio": NONZERO_RULE,
+    "velocity_factor": NONZERO_RULE,
     "torque_sign": SIGN_RULE,
     "torque_factor": NONZERO_RULE,
     "current_factor": NONZERO_RULE,

@@ -24,7 +24,7 @@ from frischid.logs.filters import LowPass
 from frischid.logs.log import Log
 from frischid.logs.mapping import LogMap
 from frischid.logs.preprocessing import prepare
-from frischid.logs.readers import read_log
+from frischid.logs.readers import read_log, write_log
 from frischid.model.identification import identify
 from frischid.model.log_examination import check
 from frischid.motions.simulation import Noise, simulate
@@ -602,6 +602,21 @@ def test_one_joint_is_no_joints_and_zero_has_no_sign():
     assert ", 1 joint, channels q, tau" in shown
     assert "determines 1 rigid base parameter that is not 0" in shown
     assert "by a factor of 0.000 ± 0.020 (1: the stamps are the times of measurement)" in shown
+
+
+def test_the_advice_on_a_velocity_in_rpm_makes_the_log_right(tmp_path):
+    """The mapping file takes the factor that the advice names, for one joint."""
+    robot, log = machine("ur10"), clean("ur10")
+    name = robot.joints[1]
+    spoiled = replace(log, v=column(log.v, 1, lambda c: 30 / np.pi * c))
+    (report,) = check(robot, [spoiled])
+    (issue,) = (issue for issue in report.issues if issue.kind == "velocity scale")
+    assert "9.55 times the slope of the position: velocities are in revolutions per minute" in issue.what
+    assert f"set velocity_factor = 0.1047 under [joint.{name}] in a mapping file" in issue.advice
+    write_log(spoiled, tmp_path / "log.npz")
+    mended = read_log(tmp_path / "log.npz", robot.joints, {"joint": {name: {"velocity_factor": 0.1047}}})
+    (report,) = check(robot, [mended])
+    assert not report.issues
 
 
 def test_a_late_velocity_has_one_set_of_figures():

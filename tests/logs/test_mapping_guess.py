@@ -401,3 +401,27 @@ def test_of_two_torques_the_measured_one_is_taken_in_any_unit_of_the_angles(tmp_
     columns = {f"{kind}_{j + 1}": x[:, j] for kind, x in kinds.items() for j in range(7)}
     write_table({"t": t} | columns, tmp_path / "log.csv")
     assert propose(tmp_path / "log.csv", arm).joints[arm.joints[0]]["tau"] == "tau_measured_1"
+
+
+@pytest.mark.parametrize("angles", ["rad", "deg"])
+@pytest.mark.parametrize(("unit", "factor"), [("rpm", 30 / np.pi), ("deg/s", 180 / np.pi), ("rad/s", 1.0)])
+def test_velocities_in_another_unit_than_the_positions_are_read(tmp_path, angles, unit, factor):
+    """Drives report revolutions per minute; such velocities had been left out."""
+    scale = 1.0 if angles == "rad" else 180 / np.pi
+    table = {f"q_{joint} [{angles}]": scale * x for joint, x in zip(UR.joints, LOG.q.T, strict=True)}
+    table |= {f"v_{joint} [{unit}]": factor * x for joint, x in zip(UR.joints, LOG.v.T, strict=True)}
+    path, output = tmp_path / "log.csv", tmp_path / "map.toml"
+    write_table({"t": LOG.t, **table}, path)
+    output.write_text(propose(path, UR).toml("log.csv"), encoding="utf-8")
+    read = read_log(path, UR.joints, output)
+    np.testing.assert_allclose(read.q, LOG.q, atol=1e-9)
+    np.testing.assert_allclose(read.v, LOG.v, rtol=1e-5, atol=1e-9)
+
+
+def test_velocities_of_no_known_unit_are_left_out(tmp_path):
+    table = {f"q_{joint}": x for joint, x in zip(UR.joints, LOG.q.T, strict=True)}
+    table |= {f"v_{joint}": 3.0 * x for joint, x in zip(UR.joints, LOG.v.T, strict=True)}
+    write_table({"t": LOG.t, **table}, tmp_path / "log.csv")
+    found = propose(tmp_path / "log.csv", UR)
+    assert not any("v" in columns for columns in found.joints.values())
+    assert sum("3 times the slope of q_" in reason and "left out" in reason for reason in found.reasons) == 6
