@@ -13,6 +13,7 @@ from collections.abc import Iterable, Sequence
 from dataclasses import dataclass, replace
 from functools import cached_property, partial
 
+from frischid.core.text import listed
 from frischid.effects import Effect, check_effects
 from frischid.errors import InputError
 from frischid.estimators.least_squares import Estimate, ols, wls
@@ -40,6 +41,7 @@ from frischid.regression.moments import Blocks, Gram, total
 from frischid.regression.regressor import Regressor
 from frischid.regression.streaming_qr import SAFE_CONDITION
 from frischid.regression.structure import structure
+from frischid.robot.mjcf_reading import unread_forces
 from frischid.robot.robot import Robot
 from frischid.robot.stated_inertials import unstated
 
@@ -149,8 +151,11 @@ def read_logs(
 
 
 def _unstated(robot: Robot) -> list[str]:
-    what = unstated(robot)
-    return [f"{robot.source} has {what}: the links' values come from the logs, not from the URDF"] if what else []
+    what, forces = unstated(robot), listed(unread_forces(robot.urdf))
+    notes = [f"{robot.source} has {what}: the links' values come from the logs, not from the URDF"] if what else []
+    return notes + (
+        [f"{robot.source} has {forces}, which are not read: the nominal torque lacks them"] if forces else []
+    )
 
 
 def _nothing(_: int) -> None:

@@ -5,7 +5,8 @@ Pinocchio gives it (of all bodies that are welded together, about the joint's fr
 with its limits, damping and dry friction. Bodies become frames of the same names. Shapes are left out. MuJoCo's
 ``armature`` has no place in a URDF. It stands as an attribute of ``<dynamics>``, which other programs ignore, and is
 the nominal value of the effect ``rotor_inertia``. Pinocchio does not read the gravity of ``<option>``. So it is read
-here, and stands as an attribute of ``<robot>``.
+here, and stands as an attribute of ``<robot>``. So do the kinds of forces that a URDF cannot state: springs, gravity
+compensation, equality constraints. They are not in the nominal torque, and every identification says so.
 
 Format: MuJoCo XML reference, https://mujoco.readthedocs.io/en/stable/XMLreference.html.
 """
@@ -27,6 +28,14 @@ from frischid.core.types import Array
 from frischid.errors import InputError
 
 _HEAD = re.compile(r"<mujoco[\s>]")
+_UNREAD = "unread"
+"""Attribute of ``<robot>`` with the kinds of forces that are not in the nominal torque."""
+_FORCES = (
+    ("body", "gravcomp", "gravity compensation"),
+    ("joint", "stiffness", "springs of joints"),
+    ("tendon", "stiffness", "springs of tendons"),
+)
+"""Element, attribute that is not zero, and the force."""
 
 
 def is_mjcf(text: str) -> bool:
@@ -135,6 +144,34 @@ def _refuse_unread_masses(path: Path) -> None:
             )
 
 
+def _unread_forces(path: Path) -> list[str]:
+    """Kinds of forces in an MJCF file that a URDF cannot state; those of its ``<default>`` count too."""
+    found: dict[str, None] = {}
+    for tag, _ in _elements(path):
+        kind = "tendon" if tag.tag in ("fixed", "spatial") else tag.tag
+        for element, attribute, force in _FORCES:
+            if kind == element and any(word.strip("-0.") for word in tag.attrib.get(attribute, "").split()):
+                found[force] = None
+        if tag.tag == "equality" and len(tag):
+            found["equality constraints"] = None
+    return list(found)
+
+
+def unread_forces(urdf: str) -> tuple[str, ...]:
+    """Forces of the MJCF file behind a URDF that are not in the nominal torque; none where there was no such file.
+
+    Examples
+    --------
+    >>> from frischid.robot.mjcf_reading import unread_forces
+    >>> unread_forces('<robot name="arm" unread="springs of joints; equality constraints"/>')
+    ('springs of joints', 'equality constraints')
+    >>> unread_forces('<robot name="arm"/>')
+    ()
+    """
+    text = ET.fromstring(urdf).get(_UNREAD, "")
+    return tuple(text.split("; ")) if text else ()
+
+
 def stated_gravity(text: str, source: str) -> tuple[float, float, float]:
     """Three numbers of an attribute ``gravity``, m/s²; `source` names the file in the message.
 
@@ -183,6 +220,7 @@ def urdf_of_mjcf(path: Path) -> str:
     gravity, unit = gravity_of_mjcf(path), _stated(path, "compiler", "angle")
     degrees = unit is None or unit[0] == "degree"
     stated = "" if gravity is None else f' gravity="{_row(gravity)}"'
+    stated += f' {_UNREAD}="{"; ".join(forces)}"' if (forces := _unread_forces(path)) else ""
     lines = [f"<robot name={quoteattr(model.name or path.stem)}{stated}>", f"  <link name={quoteattr(links[0])}/>"]
     for index in range(1, model.njoints):
         lines += _link(links[index], model.inertias[index])

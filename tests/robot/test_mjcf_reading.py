@@ -3,8 +3,14 @@
 import mujoco
 import numpy as np
 import pytest
+from click.testing import CliRunner
 
+from frischid.cli import main
 from frischid.errors import InputError
+from frischid.logs.readers import write_log
+from frischid.motions.simulation import Noise, simulate
+from frischid.motions.trajectory import random_fourier
+from frischid.robot.mjcf_reading import unread_forces
 from frischid.robot.robot import Robot
 
 MJCF = """<mujoco model="arm"><compiler angle="degree"/><option gravity="0 1 -9"/><worldbody>
@@ -57,3 +63,33 @@ def test_masses_that_pinocchio_would_read_otherwise_are_refused(setting, tmp_pat
     path.write_text(text.format(inertial), encoding="utf-8")
     if setting == "inertiagrouprange":  # inertials that are stated stay
         assert Robot.load(path).nominal[0] == 2.0
+
+
+UNREAD = {
+    "none": ("", "", ()),
+    "springs": ('<joint stiffness="3"/>', "", ("springs of joints",)),
+    "no spring": ('<joint stiffness="0 0.0"/>', "", ()),
+    "all": (
+        '<joint stiffness="3"/>',
+        '<equality><joint joint1="turn" polycoef="0.1 0 0 0 0"/></equality>',
+        ("springs of joints", "gravity compensation", "equality constraints"),
+    ),
+}
+
+
+@pytest.mark.parametrize("case", UNREAD)
+def test_forces_that_a_urdf_cannot_state_are_told(case, tmp_path):
+    """They had been ignored without a word, and the diagnosis found them missing in a model of the same file."""
+    default, after, expected = UNREAD[case]
+    path, log = tmp_path / "arm.xml", tmp_path / "log.csv"
+    text = MJCF.format(turn="", slide="").replace("<worldbody>", f"<default>{default}</default><worldbody>")
+    if case == "all":
+        text = text.replace('name="b"', 'name="b" gravcomp="1"')
+    path.write_text(text.replace("</worldbody>", f"</worldbody>{after}"), encoding="utf-8")
+    arm = Robot.load(path)
+    assert set(unread_forces(arm.urdf)) == set(expected)
+    write_log(simulate(arm, random_fourier(arm, 5, seed=1), rate=50, noise=Noise(tau=0.05)), log)
+    for words in (["info", str(path)], ["identify", str(path), str(log), "--json"]):
+        told = CliRunner().invoke(main, words).output
+        assert all(force in told for force in expected)
+        assert ("not read" in told) == bool(expected)

@@ -5,9 +5,10 @@ from __future__ import annotations
 from collections.abc import Sequence
 
 from frischid.cli.pages.page import Page, figure, plain, table_of
-from frischid.core.text import counted
+from frischid.core.text import counted, listed
 from frischid.regression.base_parameters import Reduction
 from frischid.regression.regressor import Regressor
+from frischid.robot.mjcf_reading import unread_forces
 from frischid.robot.robot import LINK_PARAMETERS, LINK_UNITS, Robot
 
 
@@ -47,6 +48,9 @@ def robot(machine: Robot, regressor: Regressor, reduction: Reduction) -> Page:
         regrouped.add_row(b["name"], b["expression"], b["unit"])
     notes = [f"mimic joint {n} follows {x[0]}" for n, x in machine.mimics.items()]
     notes += [f"locked at {x:.4g} rad (m): {n}" for n, x in machine.locked.items()]
+    notes += (
+        [f"not read, so not in the nominal torque: {listed(forces)}"] if (forces := unread_forces(machine.urdf)) else []
+    )
     notes += ["the URDF has no inertials: nominal torques are zero"] * (not machine.nominal.any())
     counts = (
         f"{counted(len(columns) + len(machine.known), 'parameter')}: "
