@@ -153,9 +153,8 @@ def read_logs(
 def _unstated(robot: Robot) -> list[str]:
     what, forces = unstated(robot), listed(unread_forces(robot.urdf))
     notes = [f"{robot.source} has {what}: the links' values come from the logs, not from the URDF"] if what else []
-    return notes + (
-        [f"{robot.source} has {forces}, which are not read: the nominal torque lacks them"] if forces else []
-    )
+    notes += [f"{robot.source} has {forces}, which are not read: the nominal torque lacks them"] if forces else []
+    return notes
 
 
 def _nothing(_: int) -> None:

@@ -48,9 +48,8 @@ def robot(machine: Robot, regressor: Regressor, reduction: Reduction) -> Page:
         regrouped.add_row(b["name"], b["expression"], b["unit"])
     notes = [f"mimic joint {n} follows {x[0]}" for n, x in machine.mimics.items()]
     notes += [f"locked at {x:.4g} rad (m): {n}" for n, x in machine.locked.items()]
-    notes += (
-        [f"not read, so not in the nominal torque: {listed(forces)}"] if (forces := unread_forces(machine.urdf)) else []
-    )
+    unread = unread_forces(machine.urdf)
+    notes += [f"not read, so not in the nominal torque: {listed(unread)}"] if unread else []
     notes += ["the URDF has no inertials: nominal torques are zero"] * (not machine.nominal.any())
     counts = (
         f"{counted(len(columns) + len(machine.known), 'parameter')}: "
