@@ -37,6 +37,7 @@ from frischid.regression.moments import Gram, total
 JACKKNIFE_BLOCKS = 10  # with fewer blocks of data, their scatter does not show the correlation
 SINGULAR_PIVOT = 1e-7  # least pivot of a Cholesky factor over the largest, below which its matrix is taken as singular
 ROUNDING_SHARE = 1e-9  # share of a joint's torque below which a residual is rounding, not noise
+HARDLY_KNOWN = 0.5  # share from the logs below, or standard error over value above, which a parameter is hardly known
 LEAST_RELATIVE_RESIDUAL = 1e-3  # a joint's relative residual counts as at least this share of the median joint's
 
 
@@ -102,6 +103,18 @@ class Estimate:
     def stderr(self) -> Array:
         """Standard error of each parameter, shape (p,)."""
         return np.asarray(np.sqrt(np.diag(self.covariance)))
+
+    @property
+    def hardly_known(self) -> tuple[str, ...]:
+        """Names of the parameters that the logs say little of: less than half of what is known comes from them.
+
+        Without a prior, those whose standard error is more than half of their value.
+        """
+        if self.from_data is not None:
+            weak = self.from_data < HARDLY_KNOWN
+        else:
+            weak = self.stderr > HARDLY_KNOWN * np.abs(self.theta)
+        return tuple(column.name for column, yes in zip(self.columns, weak, strict=True) if yes)
 
     def error_variance(self, Y: Array) -> Array:
         """Expected squared error of torque rows, ``σ_j² + y C yᵀ``.

@@ -38,7 +38,6 @@ from frischid.reports.others import OtherModel, SideBySide, earlier_steps, furth
 
 STEP_FOLLOWS = ("effect", "several", "contact")
 """Verdicts after which an effect may be added; with an unknown cause, a person looks first."""
-HARDLY_KNOWN = 0.5  # share from the logs below, or standard error over value above, which it is hardly known
 
 
 @dataclass(frozen=True, eq=False)
@@ -131,17 +130,6 @@ class Study:
         """Effects that are more probable than the proposed one, and that `improve` would not add."""
         suspect = None if self.diagnosis is None else suspect_of(self.diagnosis.findings, self.diagnosis.probabilities)
         return [*([] if suspect is None else [suspect.effect]), *(x.finding.effect for x in self.refused)]
-
-    @property
-    def weak(self) -> list[str]:
-        """Parameters that the logs say little of: less than half of their knowledge comes from the logs.
-
-        Without a prior, those known to no better than half their value.
-        """
-        e = self.model.estimate
-        if e.from_data is not None:
-            return [c.name for c, share in zip(e.columns, e.from_data, strict=True) if share < HARDLY_KNOWN]
-        return [c.name for c, x, s in zip(e.columns, e.theta, e.stderr, strict=True) if s > HARDLY_KNOWN * abs(x)]
 
     def warnings(self) -> list[str]:
         """Reasons to doubt the model beside its alarms, most serious first."""

@@ -166,7 +166,9 @@ def test_identify(fitted, logs):
         assert parameter["stderr"] > 0
         assert set(parameter["bounds"]) >= {"frisch"}
     command = ("identify", "planar2", logs / "first.parquet", "--valid", logs / "valid.npz", "--bbrf", "none")
-    assert "mx1R" not in run(*command).stdout
+    brief = run(*command).stdout
+    assert "mx1R" not in brief
+    assert "  the logs determine all 13 parameters: --parameters lists them" in brief
     text = run(*command, "--parameters").stdout
     for words in (
         "13 base parameters",

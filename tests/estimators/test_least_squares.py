@@ -1,5 +1,7 @@
 """Rules of least squares from moments: blocks and whole agree, weights are of the noise, copies of data add nothing."""
 
+from dataclasses import replace
+
 import numpy as np
 import pytest
 
@@ -100,3 +102,11 @@ def test_a_prior_is_counted_once_and_not_once_per_block():
     np.testing.assert_allclose(estimate.theta, np.linalg.solve(H[:P, :P] + prior.precision, H[:P, P]), rtol=1e-8)
     few = wls([total(parts[:20]), total(parts[20:])], prior=prior)
     np.testing.assert_allclose(few.theta, estimate.theta, rtol=1e-3)
+
+
+def test_parameters_that_the_logs_hardly_determine_are_named():
+    """Without a prior by their standard error, with one by the share of the knowledge that comes from the logs."""
+    Y, tau = rows()
+    found = wls(blocks_of(Y, tau - Y[:, :, 2] * TRUTH[2]))
+    assert found.hardly_known == ("p2",)
+    assert replace(found, from_data=np.array([0.9, 0.4, 0.6, 0.1])).hardly_known == ("p1", "p3")

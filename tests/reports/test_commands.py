@@ -13,11 +13,12 @@ import frischid as fr
 from frischid.cli import main
 from frischid.cli.pages.page import alarm_lines
 from frischid.diagnosis.contacts import Contact
+from frischid.estimators.least_squares import Estimate
 from frischid.model.alarms import Alarm, by_severity
 from frischid.reports.chapters import CHAPTERS
 from frischid.reports.chapters.verdict import _cut, content
 from frischid.reports.commands import alone, check_command
-from frischid.reports.study import Study, study
+from frischid.reports.study import study
 
 
 def written(name, seconds=10.0, seed=1, sign=1.0):
@@ -132,7 +133,7 @@ def test_commands_of_a_model_of_some_joints(folder, monkeypatch):
     command = check_command(model, name=alone)
     assert command == "frischid check planar2 log.csv --map 'my map.toml' --torque-joints joint1"
     assert CliRunner().invoke(main, shlex.split(command)[1:]).exit_code in (0, 1)
-    monkeypatch.setattr(Study, "weak", property(lambda _: ["Izz2"]))
+    monkeypatch.setattr(Estimate, "hardly_known", property(lambda _: ("Izz2",)))
     shown = study(model, fr.own_logs(model).logs)
     page = str(next(c for c in CHAPTERS if c.anchor == "verdict").html(shown, "model.json"))
     assert "frischid excite has no --torque-joints" in page

@@ -29,6 +29,8 @@ from frischid.model.model import Model
 from frischid.model.parameters import numbering
 from frischid.reports.commands import check_command, excite_command, tested_files, with_tests
 
+HARDLY_KNOWN_NAMED = 6  # parameters in the line that names those that the logs hardly determine
+
 
 def identification(found: Identification, output: str | None, *, whole: bool = False) -> Page:
     """The error first, then warnings and notes; parameters with bounds on request.
@@ -53,10 +55,19 @@ def identification(found: Identification, output: str | None, *, whole: bool = F
     if whole:
         parts += _table_of_parameters(model)
     else:
-        parts.append(f"  {counted(len(model.expressions), 'parameter')}: --parameters lists them")
+        parts.append(_known(model))
     if output:
         parts += [f"model written to {output}", _next(found, output)]
     return Page(identified(found), parts, found.alarms)
+
+
+def _known(model: Model) -> str:
+    """How many parameters the logs determine, and the names of the first of the others."""
+    weak, count = model.estimate.hardly_known, counted(len(model.expressions), "parameter")
+    if not weak:
+        return f"  the logs determine all {count}: --parameters lists them"
+    names = f"{', '.join(weak[:HARDLY_KNOWN_NAMED])}{' ...' * (len(weak) > HARDLY_KNOWN_NAMED)}"
+    return f"  the logs hardly determine {len(weak)} of {count} ({escape(names)}): --parameters lists them"
 
 
 def moved(result: OutputError, logs: Sequence[Log | Recording], output: str | None) -> Page:

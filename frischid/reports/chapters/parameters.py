@@ -38,7 +38,7 @@ def content(study: Study, model_path: str) -> dict[str, Any]:
         "count": len(e.theta),
         "estimator": ESTIMATOR_TITLES.get(e.estimator, e.estimator),
         "condition": number(e.condition, 3),
-        "weak": len(study.weak),
+        "weak": len(e.hardly_known),
         "impossible": listed(study.impossible),
         "alarmed": any(alarm.id == SIGN for alarm in study.headline.alarms),
         "doubtful": listed([c.name for c, x in zip(e.columns, e.theta, strict=True) if c.sign * x < 0]),
@@ -99,9 +99,9 @@ def _values(study: Study) -> Table:
     model, e = study.model, study.model.estimate
     given = {name: x for name, x in (("true", study.truth), ("URDF", study.nominal)) if x is not None}
     silent = without_information(model.bounds)
-    rows = []
+    rows, weak = [], e.hardly_known
     for i, column in enumerate(e.columns):
-        flags = ["impossible sign"] * (column.name in study.impossible) + ["hardly known"] * (column.name in study.weak)
+        flags = ["impossible sign"] * (column.name in study.impossible) + ["hardly known"] * (column.name in weak)
         boxes = [
             NO_INFORMATION if silent[method][i] else f"{number(b.lower[i], 3)} … {number(b.upper[i], 3)}"
             for method, b in model.bounds.items()

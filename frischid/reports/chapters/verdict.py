@@ -183,11 +183,11 @@ def _next(study: Study, model_path: str) -> list[dict[str, Any]]:
         add = f"frischid add {given} {best.effect}{where}{logs}{_tests(study) if not logs else ''} -o {better}"
         refused = listed(study.passed_over)
         found.append({"kind": "add", "effect": best.effect, "change": best.change, "command": add, "refused": refused})
-    if study.weak:
-        more = " …" * (len(study.weak) > LISTED)
+    if weak := study.model.estimate.hardly_known:
+        more = " …" * (len(weak) > LISTED)
         plan = excite_command(study.model, alone)
-        names = ", ".join(study.weak[:LISTED]) + more
-        found.append({"kind": "excite", "count": len(study.weak), "names": names, "command": plan})
+        names = ", ".join(weak[:LISTED]) + more
+        found.append({"kind": "excite", "count": len(weak), "names": names, "command": plan})
     if not study.held_out:
         found.append({"kind": "test", "command": f"frischid compare {given} NEW_LOG"})
     if touched:
