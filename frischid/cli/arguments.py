@@ -144,7 +144,7 @@ def matching(text: str | None, valid: Sequence[str]) -> list[str] | None:
         return None
     found: list[str] = []
     for pattern in filter(None, (p.strip() for p in text.split(","))):
-        names = fnmatch.filter(valid, pattern)
+        names = [pattern] if pattern in valid else fnmatch.filter(valid, pattern)
         if not names:
             raise UnknownNameError("joint", pattern, valid)
         found += [n for n in names if n not in found]

@@ -190,10 +190,12 @@ def history(model: str, undo: bool, output: str | None, as_json: bool) -> None:
     from frischid.cli.pages import improving as show
     from frischid.diagnosis.addition import undo as run
 
+    if undo != bool(output):
+        raise InputError(
+            "--undo needs -o FILE, the model to write" if undo else "-o writes the model of --undo; give both or none"
+        )
     loaded = model_of(model)
-    if undo:
-        if not output:
-            raise InputError("--undo needs -o FILE, the model to write")
+    if output:
         loaded = run(loaded)
         loaded.save(output)
     show_page(show.history(loaded), as_json)

@@ -34,7 +34,9 @@ if TYPE_CHECKING:
 @click.option("--duration", default=30.0, show_default=True, help="Seconds.")
 @click.option("--rate", default=100.0, show_default=True, help="Samples per second.")
 @click.option(
-    "--points", type=InputPath(), help="File of points (t, q, v, a) to join by quintics, instead of a random motion."
+    "--points",
+    type=InputPath(),
+    help="File of ten or more points (t, q, v, a) to join by quintics, instead of a random motion.",
 )
 @robot_options
 @effects_option

@@ -16,6 +16,7 @@ from collections.abc import Callable, Sequence
 from dataclasses import replace
 from typing import Any
 
+from frischid.core.threads import on_one_thread
 from frischid.diagnosis.criteria import DIAGNOSIS_CRITERIA, DiagnosisCriteria
 from frischid.diagnosis.findings import Finding
 from frischid.diagnosis.refit import check_formulas, fitted_error, known_error, refitted
@@ -36,6 +37,7 @@ from frischid.model.model_argument import check_model
 from frischid.model.own_logs import fitted_entry, log_entry
 
 
+@on_one_thread
 def add(
     model: Model,
     effects: Sequence[Effect],

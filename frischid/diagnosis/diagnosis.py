@@ -25,6 +25,7 @@ import numpy as np
 from frischid.core.arguments import check_kind
 from frischid.core.parallel import Workers
 from frischid.core.text import shortened
+from frischid.core.threads import on_one_thread
 from frischid.diagnosis.contacts import Contact
 from frischid.diagnosis.contacts_at_rest import contacts_at_rest, said_of
 from frischid.diagnosis.criteria import DIAGNOSIS_CRITERIA, DiagnosisCriteria
@@ -62,6 +63,7 @@ from frischid.model.model_argument import check_model
 from frischid.model.standstill_joints import standstill_note
 
 
+@on_one_thread
 def diagnose(
     model: Model,
     logs: Logs,

@@ -19,6 +19,7 @@ from collections.abc import Callable, Sequence
 from dataclasses import replace
 
 from frischid.core.arguments import check_number
+from frischid.core.threads import on_one_thread
 from frischid.diagnosis.addition import fitted_step, tested
 from frischid.diagnosis.criteria import DIAGNOSIS_CRITERIA, DiagnosisCriteria
 from frischid.diagnosis.diagnosis import diagnose
@@ -39,6 +40,7 @@ from frischid.model.model import Model
 from frischid.model.model_argument import check_model
 
 
+@on_one_thread
 def improve(
     model: Model,
     logs: Logs,

@@ -31,7 +31,7 @@ import numpy as np
 from frischid.core.arguments import check_kind
 from frischid.core.types import Array
 from frischid.effects import BASELINE, Effect
-from frischid.errors import InputError
+from frischid.errors import IdentifiabilityError, InputError
 from frischid.estimators.drive_gain_ls import in_amperes, total_least_squares
 from frischid.export.drive_gain_problem import Carried, GainProblem, KnownPayload
 from frischid.logs.controller import PDController
@@ -147,7 +147,7 @@ def find_gains(
     UnknownNameError
         The joint that carries the payload is not the robot's.
     IdentifiabilityError
-        The logs do not determine the gains.
+        The logs do not determine the gains, or a joint never moves.
 
     Examples
     --------
@@ -189,6 +189,11 @@ def find_gains(
         *problem.blocks(loaded, lowpass, loaded=True),
     ]
     arranged, counts, J = [problem.arranged(b) for b in blocks], total(blocks).counts, len(robot.joints)
+    if still := [n for n, count in zip(robot.joints, counts, strict=True) if count == 0]:
+        raise IdentifiabilityError(
+            f"{', '.join(still)}: at standstill in all logs, where dry friction hides the gain; move these joints, or "
+            "lock them (--lock JOINT) to find the gains of the others"
+        )
     rough, start = total_least_squares(np.sum(arranged, axis=0), counts)
     x, covariance, information = in_amperes(arranged, counts, rough, start, problem.names)
     gains = 1.0 / x[-J:]

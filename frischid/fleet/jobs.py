@@ -171,6 +171,8 @@ def measure(log_path: LogPath, job: Job) -> LogMoments | Skipped:
             seconds = seen.seconds if isinstance(log, Recording) else None
             grams = accumulate(regressor, motions, job.lowpass, job.rows, seconds=seconds, base=job.base)
             merged = tuple(_merged(grams, _BLOCKS))
+            if not total(merged).rows:
+                raise InputError(f"no torque to fit: {', '.join(job.rows)} at standstill in the whole log")
             first = next(chunks_of(log)).select(robot.joints)
             known = motions if isinstance(motions, list) else prepare(first, job.lowpass, velocity=job.velocity).motions
             report = inspect(
@@ -262,16 +264,21 @@ def explain(
     changed = changes(whole, fleet.estimate.theta, fleet.estimate.weights, how.inflation)
     if not diagnosed:
         return changed, None, ""
+    try:
+        found = diagnose(fleet, _excerpt(one, fleet, how.mapping), situation="changed").findings
+    except _LOG_FAULTS as error:  # one robot that cannot be diagnosed must not stop the others
+        return changed, None, str(error) if isinstance(error, FrischidError) else f"{error!r}"
+    # The comparison with the fleet has shown that the robot differs; the diagnosis only finds the effect.
+    return changed, next((f for f in found if f.gain > 0 and f.share > _EXPLAINS_MOST), None), ""
+
+
+def _excerpt(one: RobotMoments, fleet: Model, mapping: LogMap | None) -> list[Log]:
+    """The first logs of a robot, of long ones the first chunk, up to `_DIAGNOSED_SAMPLES`."""
     logs: list[Log] = []
     for address in one.addresses:
         if logs and sum(map(len, logs)) + len(logs[-1]) > _DIAGNOSED_SAMPLES:
             break
         with local(address) as path:
-            opened = _open(path, address, (*fleet.robot.joints, *fleet.robot.locked), how.mapping)
+            opened = _open(path, address, (*fleet.robot.joints, *fleet.robot.locked), mapping)
             logs.append(next(chunks_of(opened)))
-    try:
-        found = diagnose(fleet, logs, situation="changed").findings
-    except FrischidError as error:
-        return changed, None, str(error)
-    # The comparison with the fleet has shown that the robot differs; the diagnosis only finds the effect.
-    return changed, next((f for f in found if f.gain > 0 and f.share > _EXPLAINS_MOST), None), ""
+    return logs

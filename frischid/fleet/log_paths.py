@@ -102,16 +102,24 @@ def robot_of(address: str, pattern: str) -> str:
 def _expression(pattern: str) -> str:
     """A glob pattern with {robot} as a regular expression."""
     tokens = {"**/": "(?:.*/)?", "**": ".*", "*": "[^/]*", "?": "[^/]"}
-    parts = re.split(r"(\*\*/|\*\*|\*|\?|\{robot\})", pattern)
+    parts = re.split(r"(\*\*/|\*\*|\*|\?|\{robot\}|\[!?\]?[^]]*\])", pattern)
     named = False
     out = ""
     for part in parts:
         if part == _ROBOT:
             out += "(?P=robot)" if named else "(?P<robot>[^/]+?)"
             named = True
+        elif len(part) > 2 and part[0] == "[":
+            out += _set(part[1:-1])
         else:
             out += tokens.get(part) or re.escape(part)
     return out
+
+
+def _set(inside: str) -> str:
+    """A glob pattern's set of characters, without its brackets, as a regular expression."""
+    other = inside.startswith("!")
+    return f"[{'^' * other}{''.join(c if c == '-' else re.escape(c) for c in inside[other:])}]"
 
 
 def _matches(pattern: str) -> list[str]:

@@ -55,6 +55,8 @@ TOLERANCE = 1e-6
 """Relative change of the parameters, and of the sum of squares, at which a fit ends."""
 KEPT_SHARE = 0.5
 """Share of a parameter's variance in directions that keep the linear answer, above which the parameter is named."""
+KEPT_CHANGE = 1.0
+"""Change of a parameter, in standard errors of the linear answer, above which it has not kept its value."""
 
 
 @dataclass(frozen=True, eq=False)
@@ -71,8 +73,8 @@ class OutputError(Shown):
         Descending, one for each combination of parameters: its standard error in the linear answer, over the standard
         error that the motion alone would give with white errors. Above 1, the motion knows more.
     kept : tuple of str
-        Parameters that mostly keep their linear values: more than half of their uncertainty lies in combinations that
-        the motion does not determine.
+        Parameters that keep their linear values within a standard error, and more than half of whose uncertainty lies
+        in combinations that the motion does not determine.
     inflation : float
         Factor by which correlation of the errors in time inflates variances.
     tested : (MotionComparison, MotionComparison) or None
@@ -253,11 +255,14 @@ def _found(model: Model, fit: _Fit, shooting: Shooting, entries: list[dict[str, 
     moved, inflation = _covariance(j, V)
     own = np.eye(p) - V @ V.T
     covariance = L @ (moved + own) @ L.T
-    share = np.einsum("ij,jk,ik->i", L, own, L) / np.diag(L @ L.T)
-    kept = tuple(c.name for c, x in zip(model.estimate.columns, share, strict=True) if x > KEPT_SHARE)
+    variance, change = np.diag(L @ L.T), L @ z
+    share = np.einsum("ij,jk,ik->i", L, own, L) / variance
+    # A direction that moves far also moves parameters of which it is a small part.
+    keeps = (share > KEPT_SHARE) & (np.abs(change) <= KEPT_CHANGE * np.sqrt(variance))
+    kept = tuple(c.name for c, x in zip(model.estimate.columns, keeps, strict=True) if x)
     estimate = replace(
         model.estimate,
-        theta=model.estimate.theta + L @ z,
+        theta=model.estimate.theta + change,
         covariance=covariance,
         estimator="output_error",
         information=precision_of(covariance),

@@ -45,7 +45,7 @@ def layout_of(path: Path, form: LogMap) -> LogMap:
 
 def _columns_named(path: Path, layout: LogMap) -> int | str:
     """Number of the file's columns that a layout names, or why the layout does not fit."""
-    if layout.logs and not any(fnmatch(path.name, pattern) for pattern in layout.logs):
+    if layout.logs and not any(path.name == pattern or fnmatch(path.name, pattern) for pattern in layout.logs):
         return "is for other names of files"
     if is_bag(path):
         return 0

@@ -25,7 +25,7 @@ from frischid.logs.given import Logs, as_logs
 from frischid.logs.log import Log
 from frischid.logs.mapping import MappingLike
 from frischid.model.alarms import Alarm, AlarmCriteria, by_severity
-from frischid.model.comparison_alarms import Elsewhere, elsewhere
+from frischid.model.comparison_alarms import SMALLEST_ERROR, Elsewhere, elsewhere
 from frischid.model.comparison_criteria import COMPARISON_CRITERIA
 from frischid.model.error_sums import ErrorSums
 from frischid.model.events import cross_validated_nrmse
@@ -111,8 +111,8 @@ class Comparison(Shown):
 
     @property
     def behind_urdf(self) -> list[str]:
-        """Joints whose torque the URDF's links with fitted friction predict better than the model does."""
-        return [j.name for j in self.joints if j.nominal < j.nrmse]
+        """Joints whose torque the URDF's links with fitted friction predict better; rounding is no error."""
+        return [j.name for j in self.joints if j.nominal < j.nrmse and j.nrmse > SMALLEST_ERROR]
 
     @property
     def constant(self) -> float:

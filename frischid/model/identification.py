@@ -17,6 +17,7 @@ from typing import Any, Unpack
 import numpy as np
 
 from frischid.core.shown import Shown
+from frischid.core.threads import on_one_thread
 from frischid.effects import Effect
 from frischid.errors import InputError
 from frischid.estimators.bbrf import Recursion
@@ -130,6 +131,7 @@ class Identification(Shown):
         raise InputError("the logs alone do not determine the parameters, so there are no Frisch bounds")
 
 
+@on_one_thread
 def identify(
     robot: Robot,
     logs: Logs,

@@ -179,7 +179,7 @@ def payload(
     NoBodyError
         These logs show no body.
     IdentifiabilityError
-        The body changes no torque of the model.
+        The body, or its mass, changes no torque of the model.
 
     Examples
     --------
@@ -212,8 +212,9 @@ def payload(
     regressor = Regressor(robot, (*model.effects, body), model.reference)
     first = len(Regressor(robot, model.effects, model.reference).columns)
     felt = [LINK_PARAMETERS.index(c.name[1:].removesuffix(str(robot.numbers[name]))) for c in regressor.columns[first:]]
-    if not felt:
-        raise IdentifiabilityError(f"a body on the link of {name} changes no torque; name another link (carrier)")
+    if LINK_PARAMETERS.index("m") not in felt:
+        what = f"{'the mass of ' if felt else ''}a body on the link of {name}"
+        raise IdentifiabilityError(f"{what} changes no torque, so no log can weigh it; name another link (carrier)")
     motions = model.motions(logs)
     keep = [*model.base, *range(first, len(regressor.columns))]
     blocks = list(accumulate(regressor, list(motions), model.lowpass, model.joints, base=keep))

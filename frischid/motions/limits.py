@@ -88,12 +88,18 @@ class MotionLimits:
     torque: Array
 
     @classmethod
-    def of(cls, robot: Robot, scale: float = 0.9, acceleration: float | Sequence[float] | None = None) -> MotionLimits:
+    def of(
+        cls,
+        robot: Robot,
+        scale: float = 0.9,
+        acceleration: float | Sequence[float] | None = None,
+        turn: float = np.pi,
+    ) -> MotionLimits:
         """Take the limits of a robot's URDF.
 
-        Where the URDF states no limit: positions within ±π (±0.5 m), velocities below 2 rad/s (m/s), full speed reached
-        in `SECONDS_TO_FULL_SPEED`, any torque. No joint turns further than π from zero, because poses repeat. A joint
-        that others mimic keeps their limits of position and velocity too.
+        Where the URDF states no limit: positions within ±`turn` (±0.5 m), velocities below 2 rad/s (m/s), full speed
+        reached in `SECONDS_TO_FULL_SPEED`, any torque. No joint turns further than `turn` from zero, because poses
+        repeat. A joint that others mimic keeps their limits of position and velocity too.
 
         Parameters
         ----------
@@ -102,6 +108,8 @@ class MotionLimits:
             Share of every limit that is used, in (0, 1]; position ranges shrink about their middle.
         acceleration : float or sequence of J float, optional
             Acceleration limits, rad/s² (m/s²), also multiplied by `scale`.
+        turn : float
+            Largest angle from zero of a joint that turns, rad.
 
         Raises
         ------
@@ -120,7 +128,7 @@ class MotionLimits:
         if not LEAST_SHARE <= scale <= 1.0:
             raise InputError(f"the share of the limits that is used must lie in [{LEAST_SHARE:g}, 1], got {scale}")
         limits, J = robot.limits, len(robot.joints)
-        reach = np.where(robot.prismatic, np.where(np.isfinite(limits.stroke), np.inf, 0.5), np.pi)
+        reach = np.where(robot.prismatic, np.where(np.isfinite(limits.stroke), np.inf, 0.5), turn)
         limits = _with_followers(robot, limits)
         lower, upper = limits.within(reach)
         middle, half = (upper + lower) / 2, scale * (upper - lower) / 2
@@ -130,6 +138,13 @@ class MotionLimits:
             raise InputError(f"acceleration limits must be one or {J} positive numbers, got {acceleration}")
         most = np.broadcast_to(most, (J,))
         return cls(middle - half, middle + half, scale * velocity, scale * most, scale * limits.effort)
+
+    @classmethod
+    def whole_range(cls, robot: Robot) -> MotionLimits:
+        """The limits of a robot's URDF, also beyond ±π; ±2π or more for a joint that turns without any."""
+        ends = np.abs([robot.limits.lower, robot.limits.upper])
+        stated = np.isfinite(ends) & ~robot.prismatic
+        return cls.of(robot, 1.0, turn=float(ends.max(initial=2 * np.pi, where=stated)))
 
     @property
     def middle(self) -> Array:

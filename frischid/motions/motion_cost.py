@@ -51,9 +51,11 @@ class Cost:
         self.names = tuple(column.name for column in reduction.base_columns())
         rows = len(t) * len(robot.joints)
         if rows <= len(self.base):
+            enough = -(-3 * len(self.base) // len(robot.joints))
             raise InputError(
                 f"{len(t)} samples of {len(robot.joints)} joints give {rows} equations for {len(self.base)} base "
-                f"parameters; use {-(-3 * len(self.base) // len(robot.joints))} samples or more"
+                f"parameters; use {enough} samples or more (family 'points', one point per second: a duration of "
+                f"{enough - 1} s or more)"
             )
         shifts = criterion.displacements(len(t), len(robot.joints), seed)
         self.shifts = np.concatenate([np.zeros((1, *shifts.shape[1:])), shifts])

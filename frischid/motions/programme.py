@@ -205,7 +205,7 @@ def checked_home(robot: Robot, home: Sequence[float]) -> Array:
             f"the home pose has {len(home)} numbers, but {robot.name} has {len(robot.joints)} joints: "
             f"{', '.join(robot.joints)}"
         )
-    limits = MotionLimits.of(robot, 1.0)
+    limits = MotionLimits.whole_range(robot)
     for name, x, low, high in zip(robot.joints, home, limits.lower, limits.upper, strict=True):
         if not low <= x <= high:
             raise InputError(f"the home pose has {name} at {x:g}, outside of its limits {low:.4g} to {high:.4g}")
@@ -214,7 +214,7 @@ def checked_home(robot: Robot, home: Sequence[float]) -> Array:
 
 def _way(robot: Robot, start: Array, end: Array, limits: MotionLimits, clearance: Clearance) -> list[ClosedForm]:
     """A way at rest at both ends, through one more pose where the straight one touches something."""
-    full = MotionLimits.of(robot, 1.0)
+    full = MotionLimits.whole_range(robot)
     slow = replace(
         limits,
         lower=full.lower,

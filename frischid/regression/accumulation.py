@@ -12,12 +12,11 @@ Source of the block jackknife: Künsch 1989, Annals of Statistics 17(3).
 from __future__ import annotations
 
 from collections.abc import Iterable, Iterator, Sequence
-from functools import lru_cache
 from itertools import chain, islice
 
 import numpy as np
-from threadpoolctl import ThreadpoolController
 
+from frischid.core.threads import one_thread
 from frischid.errors import InputError
 from frischid.logs.filters import LowPass
 from frischid.logs.preprocessing import Motion
@@ -75,8 +74,7 @@ def accumulate(
         seconds = float(sum(m.t[-1] - m.t[0] for m in motions))
     kept = Blocks()
     each, level = 1, 0  # number of blocks added into one, and their number in the last one so far
-    # Small products are slower on several threads, and the rounding of sums would depend on the number of threads.
-    with _threads().limit(limits=1, user_api="blas"):
+    with one_thread():
         rows = JointRows.of(regressor, joints, base)
         for part in _sums(regressor, motions, lowpass, rows, seconds):
             if 0 < level < each:
@@ -99,17 +97,11 @@ def streaming_qr(
     found = StreamingQR(len(joints), len(base))
     keep = np.append(np.asarray(base, dtype=int), len(regressor.columns))
     index = [regressor.robot.joints.index(name) for name in joints]
-    with _threads().limit(limits=1, user_api="blas"):
+    with one_thread():
         for block in (b for motion in motions for b in regressor.blocks(motion, lowpass)):
             for row, j in enumerate(index):
                 found.add(row, block.Z[block.used[:, j]][:, keep, j])
     return found
-
-
-@lru_cache(maxsize=1)
-def _threads() -> ThreadpoolController:
-    """The threaded libraries, searched once: the search takes longer than a short sum."""
-    return ThreadpoolController()
 
 
 def _sums(

@@ -12,6 +12,7 @@ from click.testing import CliRunner
 from output_schemas import printed_by
 
 from frischid.cli import main
+from frischid.cli.arguments import matching
 from frischid.cli.pages import comparing
 from frischid.effects import EFFECTS
 from frischid.logs.log import Log
@@ -309,6 +310,21 @@ def test_unknown_names(logs):
     refused(["parameter 'fv9'", "fv1"], "simulate", "planar2", "-o", logs / "x.csv", "--set", "fv9=1")
     refused(["channel 'tau'", "none"], "simulate", "planar2", "-o", logs / "x.csv", "--channels", "tau")
     assert not (logs / "x.csv").exists()
+
+
+def test_a_joint_is_found_by_its_own_name_before_any_pattern():
+    """Before: "unknown joint 'arm[2]'; did you mean: arm[2]"."""
+    names = ["arm[1]", "arm[2]", "arm2", "w*"]
+    assert matching("arm[2],w*", names) == ["arm[2]", "w*"]
+    assert matching("arm*", names) == names[:3]
+    assert matching("arm[0-9]", names) == ["arm2"]
+
+
+def test_history_writes_a_model_or_says_why_not(fitted, tmp_path):
+    out = tmp_path / "model.json"
+    refused(["-o writes the model of --undo"], "history", fitted[0], "-o", out)
+    refused(["--undo needs -o FILE"], "history", fitted[0], "--undo")
+    assert not out.exists()
 
 
 def test_values_that_are_none(logs):

@@ -159,6 +159,18 @@ def test_what_cannot_be():
         find_gains(machine, [unloaded], [], PAYLOAD)
 
 
+def test_a_joint_that_never_moves_is_named():
+    """Before, NumPy's IndexError ended the command."""
+    machine = robot("planar2")
+    resting = []
+    for log in (exact_log(machine, BASELINE, random_values(machine, BASELINE), seed=k) for k in (1, 2)):
+        q = log.q.copy()
+        q[:, 1] = 0.3
+        resting.append(fr.Log(log.t, log.joints, q, current=log.tau))
+    with pytest.raises(IdentifiabilityError, match=r"joint2: at standstill.*--lock"):
+        find_gains(machine, resting[:1], resting[1:], KnownPayload(2.0))
+
+
 def test_a_payload_without_torque_fixes_nothing():
     M = np.zeros((1, 3, 3))
     M[0, 0, 0] = M[0, 2, 2] = 1.0

@@ -21,6 +21,7 @@ from frischid.errors import InputError
 from frischid.estimators.least_squares import wls
 from frischid.fleet.deviation import Centre, Deviation, Null, changes, deviation, usual_deviation
 from frischid.fleet.fleet import FleetOptions, identify_fleet
+from frischid.fleet.jobs import Explaining, RobotMoments, explain
 from frischid.fleet.log_paths import LogPath, find_logs, local, robot_of
 from frischid.fleet.results import SIGNIFICANCE
 from frischid.fleet.shared_fit import SharedFit, with_spread
@@ -150,6 +151,9 @@ def test_a_tree_has_one_shape():
         ("logs/**/*.parquet", "logs/r1/monday/a.parquet", "r1"),
         ("logs/*.parquet", "logs/r2.parquet", "r2"),
         ("logs/{robot}_*.csv", "logs/r3_7.csv", "r3"),
+        ("logs/{robot}_[0-9].csv", "logs/r3_7.csv", "r3"),
+        ("logs/{robot}_[!^a].csv", "logs/r3_7.csv", "r3"),
+        ("logs/{robot}_[^7].csv", "logs/r3_^.csv", "r3"),
         ("/a/{robot}/**/*.parquet", "/a/r4/b/c.parquet", "r4"),
         ("/a/{robot}/**/*.parquet", "/a/r4/c.parquet", "r4"),
         ("s3://bucket/{robot}/*", "s3://bucket/r5/x.parquet", "r5"),
@@ -256,6 +260,40 @@ def test_a_joint_that_rests_in_all_logs_of_a_fleet(tmp_path):
     assert not found.skipped
     found.model.save(tmp_path / "model.json")
     assert np.isfinite(fr.Model.load(tmp_path / "model.json").mean_torque).all()
+
+
+def test_a_robot_whose_fitted_joint_rests_is_skipped_by_name(tmp_path):
+    """Before, a division by zero ended the fleet of a dozen robots or more."""
+    robot = fr.Robot.load("planar2")
+    for k in range(13):
+        rng, t = np.random.default_rng(k), np.arange(1000) * 0.01
+        second = np.full_like(t, 0.4) if k == 5 else 0.4 + 0.5 * np.sin(2.1 * t + k)
+        q = np.stack([0.5 * np.sin(1.3 * t + k) + 0.3 * np.sin(3.1 * t), second], axis=1)
+        v = np.gradient(q, t, axis=0)
+        tau = robot.inverse_dynamics(q, v, np.gradient(v, t, axis=0)) + 0.4 * v + 0.02 * rng.normal(size=q.shape)
+        log = fr.Log(t, robot.joints, q=q + 1e-5 * rng.normal(size=q.shape), tau=tau)
+        fr.write_log(log, tmp_path / f"r{k:02d}.parquet")
+    options = FleetOptions(diagnosed=0, torque_joints=("joint2",))
+    found = identify_fleet(robot, find_logs([f"{tmp_path}/*.parquet"]), options)
+    assert len(found.members) == 12
+    (skipped,) = found.skipped
+    assert skipped.robot == "r05"
+    assert "joint2 at standstill" in skipped.reason
+
+
+@pytest.mark.parametrize("fault", [np.linalg.LinAlgError("no convergence"), InputError("no log"), OSError("gone")])
+def test_a_robot_that_cannot_be_diagnosed_does_not_stop_the_others(alone, folder, arm, monkeypatch, fault):
+    """Before, only frischid's own errors were caught, after all of the fleet's logs had been read."""
+
+    def fails(*_, **__):
+        raise fault
+
+    monkeypatch.setattr("frischid.fleet.jobs.diagnose", fails)
+    one = RobotMoments("r04", (moments_of(np.ones(3), 0),), (str(folder / "r04" / "log.parquet"),), 1, 1.0, (), ())
+    monkeypatch.setattr("frischid.fleet.jobs.changes", lambda *_: [])
+    changed, finding, reason = explain((one, True), alone.model.to_dict(), Explaining(None, 1.0))
+    assert (changed, finding) == ([], None)
+    assert str(fault) in reason
 
 
 def test_standard_errors_are_those_of_a_mean_over_robots(arm, folder, alone):

@@ -77,6 +77,21 @@ def test_a_still_joint_keeps_the_linear_answer_and_is_named():
     np.testing.assert_array_equal(found.model.estimate.theta, model.estimate.theta)
 
 
+def test_a_parameter_that_moved_is_not_named_as_kept():
+    """A hidden spring moves the two directions that the motion determines so far that all parameters move with them."""
+    machine, spring = robot("planar2"), (*EFFECTS, *fr.parse_effects("joint_spring@joint2"))
+    planted, noise = {**TRUTH, "ks2": 3.0}, fr.Noise(q=2e-5, tau=0.02)
+    motion = fr.random_fourier(machine, 6.0, seed=1)
+    log = fr.simulate(machine, motion, rate=100.0, effects=spring, parameters=planted, noise=noise, channels=(), seed=1)
+    model = linear(log)
+    e = replace(model.estimate, covariance=0.01 * model.estimate.covariance)
+    found = output_error(replace(model, estimate=e, standard=None), [log], options=SHORT)
+    change = np.abs(found.model.estimate.theta - e.theta) / e.stderr
+    moved = {c.name for c, x in zip(e.columns, change, strict=True) if x > 1.0}
+    assert moved
+    assert not moved & {*found.kept}
+
+
 def test_the_model_is_saved_and_loaded(tmp_path):
     log = recorded(1, fr.Noise(q=2e-5, tau=0.02), seconds=4.0)
     found = output_error(linear(log), [log], options=SHORT).model

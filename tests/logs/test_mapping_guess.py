@@ -233,6 +233,10 @@ def test_layouts(tmp_path):
     twice["layout"]["b"]["file"] = {"angle_unit": "deg"}
     with pytest.raises(InputError, match="equally well"):
         read_log(tmp_path / "two.csv", None, twice)
+    copy = (tmp_path / "two.csv").rename(tmp_path / "run[2].csv")
+    twice["layout"]["a"]["file"] = {"logs": ["run[2].csv"]}  # its own name, though brackets are a set of characters
+    twice["layout"]["b"]["file"] |= {"logs": ["other*"]}
+    assert read_log(copy, None, twice).joints
 
 
 def test_names():

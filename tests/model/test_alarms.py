@@ -74,6 +74,22 @@ def test_each_reason_has_its_alarm(changes, expected):
     assert expected in ids(elsewhere(seen(**changes), CRITERIA))
 
 
+@pytest.mark.parametrize(
+    "changes",
+    [
+        {"expected": np.full(3, 3e-3)},
+        {"measured": np.array([1e-9, 1e-9, 5e-3])},
+        {"nrmse": 9e-5},
+        {"measured": np.full(3, 5e-3), "expected": np.full(3, np.nan)},
+    ],
+)
+def test_errors_of_a_simulation_without_noise_are_none(changes):
+    """Before, a perfect model was called worse than the URDF (severe), with errors of 3.1e-7 and 1.3e-7."""
+    exact = {"nrmse": 1e-9, "cross_validated": 1e-9, "urdf": 1e-9, "noise_floor": 1e-9, "floors": np.full(3, 1e-9)}
+    same = {"expected": np.full(3, 1e-9), "measured": np.full(3, 1e-9)}
+    assert elsewhere(seen(**(exact | same | changes)), CRITERIA) == []
+
+
 def test_unknown_figures_raise_nothing():
     nothing = np.full(3, np.nan)
     assert elsewhere(seen(expected=nothing, cross_validated=np.nan, urdf=np.nan), CRITERIA) == []

@@ -87,6 +87,14 @@ def test_what_cannot_be_done_is_said():
         payload(bare(), [])
 
 
+def test_a_body_whose_mass_acts_on_no_joint_is_not_weighed():
+    """Before, an arm with one joint carried "no body: less than 0.36 kg", a figure of the prior alone."""
+    arm = Robot.load("planar2").keep(["joint1"])
+    logs = [simulate(arm, random_fourier(arm, 8, seed=k), rate=100, noise=NOISE, seed=k) for k in (1, 2)]
+    with pytest.raises(IdentifiabilityError, match="the mass of a body on the link of joint1 changes no torque"):
+        payload(identify(arm, logs[:1], recursion="none").model, logs[1:])
+
+
 def test_logs_of_which_some_are_without_the_body_are_refused():
     """Half of 2 kg, with a bound of a tenth of that, was the answer."""
     own = simulate(UR, random_fourier(UR, 15, seed=1), rate=100, noise=NOISE)

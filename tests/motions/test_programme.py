@@ -103,6 +103,18 @@ def test_what_is_wrong_with_a_home_pose_is_said(ur10):
         programme(robot, plan, [0.0, 1.57, 0.0, 0.0, 0.0, 0.0])  # the arm in the floor
 
 
+def test_a_home_pose_may_be_beyond_half_a_turn(ur10):
+    """Before, a UR arm turned by -270 degrees was "outside of its limits -3.142 to 3.142"."""
+    robot, plan, _ = ur10
+    home = np.array([-4.71, -1.57, 0.0, -1.57, 0.0, 6.2])
+    motion = programme(robot, plan, home.tolist())
+    np.testing.assert_allclose(motion(np.array([0.0, motion.duration]))[0], [home, home], atol=1e-9)
+    with pytest.raises(InputError, match=r"wrist_3_joint at 6\.3, outside of its limits -6\.283 to 6\.283"):
+        programme(robot, plan, [0.0, -1.57, 0.0, -1.57, 0.0, 6.3])
+    endless = fr.Robot.load("double_pendulum_continuous")
+    assert (MotionLimits.whole_range(endless).upper == 2 * np.pi).all()
+
+
 def test_files_hold_the_motion(ur10, tmp_path):
     robot, _, motion = ur10
     log = motion.to_log(50.0)

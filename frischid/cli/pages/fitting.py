@@ -82,7 +82,8 @@ def moved(result: OutputError, logs: Sequence[Log | Recording], output: str | No
         f"{result.singular_values[-1]:.2g}; in directions below 1, the least-squares values are kept",
     ]
     if kept:
-        parts.append(f"parameters that mostly keep their least-squares values: {escape(', '.join(kept))}")
+        names = escape(", ".join(kept))
+        parts.append(f"parameters that keep their least-squares values, within one standard error: {names}")
     if result.tested is not None:
         for name, found in zip(("least squares", "output error"), result.tested, strict=True):
             parts += [f"on the test logs, {name}:", motion_table(found)]
