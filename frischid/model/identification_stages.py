@@ -13,6 +13,7 @@ from collections.abc import Iterable, Sequence
 from dataclasses import dataclass, replace
 from functools import cached_property, partial
 
+from frischid.checks.log_issue import UNDONE
 from frischid.effects import Effect, check_effects
 from frischid.errors import InputError
 from frischid.estimators.least_squares import Estimate, ols, wls
@@ -163,7 +164,7 @@ def _check_issues(data: LogData) -> None:
     data.journal.stage("checking the logs")
     prepared = None if data.streamed else (data.lowpass, [list(data.preparation.of(log)) for log in data.logs])
     reports = report_issues(data.robot, data.logs, prepared)
-    issues = [(r.source, x) for r in reports for x in r.issues if x.kind != "standstill"]  # a note says it of all logs
+    issues = [(r.source, x) for r in reports for x in r.issues if x.kind not in UNDONE]
     data.journal.warnings += [f"{source}: {issue.short}" for source, issue in issues]
     for report in reports:
         data.journal.faults += [(report.source, x) for x in faults_of(report)]

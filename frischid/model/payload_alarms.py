@@ -19,7 +19,7 @@ from frischid.core.text import listed
 from frischid.core.types import Array
 from frischid.logs.summary import Data
 from frischid.model.alarms import Alarm, AlarmCriteria
-from frischid.model.comparison_alarms import UNLIKE
+from frischid.model.comparison_alarms import UNLIKE, times_of
 from frischid.model.log_faults import faulty_new_logs
 from frischid.model.model import Model
 from frischid.regression.moments import Gram
@@ -104,8 +104,8 @@ def alarms_with_body(model: Model, logs: Sequence[Data], unlike: dict[str, float
         Alarm(
             UNLIKE,
             "severe",
-            f"Even with this body, the error on {listed(where)} is {ratio:.1f} times the error that the uncertainty of "
-            "the model explains. These logs differ from the model in another way, too, so the bounds of the body are "
+            f"Even with this body, the error on {listed(where)} is {times_of(ratio)} times the error that the uncertainty "
+            "of the model explains. These logs differ from the model in another way, too, so the bounds of the body are "
             "too narrow.",
             "Do not enter the numbers. Run frischid check and frischid diagnose on these logs.",
             where,
