@@ -104,9 +104,9 @@ def alarms_with_body(model: Model, logs: Sequence[Data], unlike: dict[str, float
         Alarm(
             UNLIKE,
             "severe",
-            f"Even with this body, the error on {listed(where)} is {times_of(ratio)} times the error that the uncertainty "
-            "of the model explains. These logs differ from the model in another way, too, so the bounds of the body are "
-            "too narrow.",
+            f"Even with this body, the error on {listed(where)} is {times_of(ratio)} times the error that the "
+            "uncertainty of the model explains. These logs differ from the model in another way, too, so the bounds "
+            "of the body are too narrow.",
             "Do not enter the numbers. Run frischid check and frischid diagnose on these logs.",
             where,
             ratio,
