@@ -10,6 +10,7 @@ from frischid.model.alarms import (
     Alarm,
     AlarmCriteria,
     by_severity,
+    gains_from_masses,
     noisy_cutoff,
     too_short,
     undetermined,
@@ -180,6 +181,12 @@ def test_a_log_whose_fault_can_be_undone_raises_an_alarm(sign, raised):
     tau = log.tau * np.where(np.arange(6) == 1, sign, 1.0 if sign < 0 else sign)
     found = fr.identify(robot, [fr.Log(log.t, log.joints, log.q, tau=tau)], recursion="none")
     assert [alarm.id for alarm in found.alarms if alarm.id == "faulty-log"] == raised
+
+
+@pytest.mark.parametrize(("second", "said"), [(0.312, "(± 31 %)"), (0.4, "(± 31 % to 40 %)")])
+def test_two_equal_ends_are_no_range(second, said):
+    (alarm,) = gains_from_masses({"a": 0.311, "b": second})
+    assert said in alarm.sentence
 
 
 @pytest.mark.parametrize("joints", [(1, 2), (0,)])
