@@ -53,6 +53,7 @@ def defects(path: Path, form: LogMap) -> LogReport | None:
     if not found.last:
         return None
     ragged, garbage = found.ragged, found.garbage
+    notes.facts["bad_lines"] = len(ragged) + len(garbage)
     if ragged and ragged[-1] == found.last[0]:
         ragged.pop()
         what = f"line {found.last[0]}, the last, holds {found.last[1]} cells instead of {width}: the recording was cut"
@@ -63,7 +64,7 @@ def defects(path: Path, form: LogMap) -> LogReport | None:
     if garbage:
         what = f"{counted(len(garbage), 'line')} without a measurement (not a number, nan, or above {GARBAGE:g}): "
         what += _ranges(garbage)
-        advice = "delete these lines: usually they are memory that was written before it was filled"
+        advice = "delete these lines: a cell is empty, or they are memory that was written before it was filled"
         notes.add("garbage rows", what, (), "certain", advice, blocks=True)
     if time is not None:
         _stamps(found.lines, np.asarray(found.stamps) / TICKS_PER_SECOND[form.time_unit], notes)
@@ -101,10 +102,14 @@ def _scan(path: Path, layout: Layout, time: int | None) -> _Scan:
                     for k, cell in enumerate(row)
                     if k != time and cell and not is_number(cell, comma=layout.decimal_comma)
                 }
-            values = _numbers(["0" if k in texts else cell for k, cell in enumerate(row)], layout.decimal_comma)
-            if not (np.abs(values) <= GARBAGE).all():
+            values = _numbers(
+                ["0" if k in texts else cell or "nan" for k, cell in enumerate(row)], layout.decimal_comma
+            )
+            bad = ~(np.abs(values) <= GARBAGE)
+            if bad.any():
                 found.garbage.append(number)
-            elif time is not None:
+            # the stamp of a line with an empty cell is a time; that of a line of unfilled memory may be any number
+            if time is not None and not bad[time] and np.isnan(values[bad]).all():
                 found.lines.append(number)
                 found.stamps.append(values[time])
     return found

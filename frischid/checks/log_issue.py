@@ -17,6 +17,9 @@ Sureness = Literal["certain", "likely", "possible"]
 EXPLANATIONS = ("payload", "missing hand", "wrong robot")
 """Issues that explain a torque and are found outside `frischid.checks.explanation`."""
 
+UNDONE = ("standstill", "wrapped angle")
+"""Issues that ask for nothing: every command undoes them, and a note says so. They are no warning beside a model."""
+
 
 @dataclass(frozen=True)
 class LogIssue:

@@ -80,7 +80,7 @@ def inspect(
     log, brief = log.select(robot.joints), prepared is not None
     notes = Notebook(robot.joints, criteria)
     if (wraps := wraps_of(log.q)).any():
-        what = f"the angle jumps by a whole turn {span(wraps[wraps > 0].astype(float))} times: it wraps at ±π"
+        what = f"the angle jumps by a whole turn {span(wraps[wraps > 0].astype(float))} times, where it wraps"
         advice = "nothing to do: frischid makes such angles continuous when it reads them"
         notes.add("wrapped angle", what, notes.which(wraps > 0), "certain", advice)
         low, high = robot.limits.lower, robot.limits.upper

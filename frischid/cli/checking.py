@@ -73,10 +73,10 @@ def check(
         try:
             machine, data = load(robot, RobotArguments(**options), logs, mapping, whole=False, progress=progress)
         except InputError:
-            # Reading stops at the first error. If the file has further faults, the page lists all of them first.
+            # Reading stops at the first error. If the file has further faults or lines, the page lists them all first.
             form = LogMap.of(mapping)
             broken = [report for path in logs if (report := defects(Path(path), form)) is not None]
-            if sum(len(report.issues) for report in broken) > 1:
+            if sum(max(len(report.issues), report.facts.get("bad_lines", 0)) for report in broken) > 1:
                 show_page(show.check(broken), as_json)
             raise
         progress("checking")

@@ -86,6 +86,8 @@ class Consistent:
         ``K θ``.
     misfit : float
         χ²*, in squared standard errors: the misfit that the constraints force.
+    chi_squared : float
+        χ² of the returned links: `misfit`, and what nearness to the nominal links costs, up to ``PRIOR_SLACK p``.
     reproduces : bool
         Whether the base parameters stay within their bounds: ``χ²* ≤`` the `BOUND_CONFIDENCE` quantile of χ² with p
         degrees of freedom.
@@ -106,6 +108,7 @@ class Consistent:
     theta: Array
     base: Array
     misfit: float
+    chi_squared: float
     reproduces: bool
     eigenvalues: Array
     divergence: Array
@@ -161,13 +164,14 @@ def consistent(theta: Array, information: Array, mapping: Array, links: Links, e
     reproduces = misfit <= 2 * float(special.gammaincinv(len(theta) / 2, BOUND_CONFIDENCE))
     blame = () if reproduces else problem.blame(misfit)
     problem.solve_nearest(misfit + PRIOR_SLACK * len(theta))
-    values = problem.values
+    values, chi_squared = problem.values, problem.misfit
     inverse = np.linalg.inv(problem.roots)
     X = inverse @ pseudo_inertia(values[: 10 * L].reshape(L, 10)) @ inverse.transpose(0, 2, 1)
     spectrum = np.linalg.eigvalsh(X)
     divergence = spectrum.sum(axis=1) - np.log(np.maximum(spectrum, 1e-300)).sum(axis=1) - 4.0
     found = problem.active()
-    return Consistent(values, mapping @ values, misfit, reproduces, spectrum[:, 0], divergence, found, blame, notes)
+    sizes = (misfit, chi_squared, reproduces, spectrum[:, 0], divergence)
+    return Consistent(values, mapping @ values, *sizes, found, blame, notes)
 
 
 class _Problem:

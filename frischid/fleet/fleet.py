@@ -57,6 +57,7 @@ from frischid.logs.cutoff_choice import LogSpectra
 from frischid.logs.filters import LowPass
 from frischid.logs.mapping import LogMap
 from frischid.logs.summary import lock_absent
+from frischid.model.alarms import Alarm, faulty_logs
 from frischid.model.identify_options import PRIORS
 from frischid.model.model import Model
 from frischid.regression.base_parameters import Reduction
@@ -166,7 +167,8 @@ def identify_fleet(
     shared, found, null, outside = _compared(pool, {k: handles[k] for k in present}, fitted)
     members = [_member(summaries[k], found[k], null, len(present)) for k in present]
     estimate = with_spread(shared, [found[k] for k in present if k not in outside], null)
-    model = _model(job, reduction, shared, estimate, logs, members)
+    alarms = _faulty([fault for one in summaries for fault in one.faults])
+    model = _model(job, reduction, shared, estimate, logs, (members, alarms))
     different = sorted((i for i, m in enumerate(members) if m.differs), key=lambda i: -members[i].excess)
     questions = [handles[present[i]] for i in different], [rank < wanted.diagnosed for rank in range(len(different))]
     answers = _explained(pool, questions, model, Explaining(job.mapping, null.scale), progress)
@@ -175,7 +177,7 @@ def identify_fleet(
         members[i] = replace(members[i], changes=tuple(changed), finding=finding)
         warnings += [f"{members[i].name} could not be diagnosed: {failed}"] * bool(failed)
     members.sort(key=lambda m: (not m.differs, -m.excess))
-    return Fleet(model, tuple(members), skipped, null, pool.where, tuple(notes), tuple(warnings))
+    return Fleet(model, tuple(members), skipped, null, pool.where, tuple(notes), tuple(warnings), alarms)
 
 
 def _robots(
@@ -187,6 +189,12 @@ def _robots(
     handles = pool.pairs(combine, [name for name, _ in named], [[parts[i] for i in index] for _, index in named])
     told = pool.gather(pool.map(summary, handles), lambda done, of: progress(f"moments of {done} of {of} robots"))
     return handles, told
+
+
+def _faulty(faults: Sequence[str]) -> tuple[Alarm, ...]:
+    """The alarm that logs have faults, which change the shared parameters, and so the robots that differ from them."""
+    remedy = "`frischid check ROBOT LOG` says what to do. Undo the faults, or leave these logs out, and start again."
+    return tuple(replace(alarm, remedy=remedy) for alarm in faulty_logs(faults))
 
 
 def _refuse_skipped(skipped: Sequence[Skipped], strict: bool, logs: int) -> None:
@@ -304,9 +312,10 @@ def _model(
     shared: SharedFit,
     estimate: Estimate,
     logs: Sequence[LogPath],
-    members: Sequence[Member],
+    known: tuple[Sequence[Member], Sequence[Alarm]],
 ) -> Model:
     """The model with the shared parameters, and the event in its history that tells its origin."""
+    members, alarms = known
     kept = tools(job.robot, job.effects)[0]
     columns = reduction.base_columns()
     error = float(np.median([m.deviation.error_fleet.mean() for m in members]))
@@ -323,6 +332,7 @@ def _model(
         "measured_on": "logs left out of the fit, median of the robots",
         "notes": [],
         "warnings": [],
+        "alarms": [alarm.to_dict() for alarm in alarms],
     }
     prior = None if shared.posterior is None else UrdfPrior.of(shared.posterior)
     if prior is not None:

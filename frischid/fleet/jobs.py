@@ -15,6 +15,7 @@ from typing import Any
 import numpy as np
 
 from frischid.checks import inspect
+from frischid.checks.position_faults import JOINT_ZERO
 from frischid.diagnosis.diagnosis import diagnose
 from frischid.diagnosis.findings import Finding
 from frischid.effects import BASELINE, Effect
@@ -31,6 +32,7 @@ from frischid.logs.recording import Motions, Recording, chunks_of, preview_of
 from frischid.logs.summary import summarise
 from frischid.model.identification import identify
 from frischid.model.identify_options import IdentifyOptions
+from frischid.model.log_faults import faults_of
 from frischid.model.model import Model
 from frischid.regression.accumulation import accumulate
 from frischid.regression.moments import Gram, total
@@ -81,6 +83,7 @@ class LogMoments:
     samples: int
     seconds: float
     warnings: tuple[str, ...]
+    faults: tuple[str, ...] = ()
 
 
 @dataclass(frozen=True, eq=False)
@@ -94,6 +97,7 @@ class RobotMoments:
     seconds: float
     skipped: tuple[Skipped, ...]
     warnings: tuple[str, ...]
+    faults: tuple[str, ...] = ()
 
 
 @lru_cache(maxsize=4)
@@ -183,7 +187,10 @@ def measure(log_path: LogPath, job: Job) -> LogMoments | Skipped:
                 prepared=(job.lowpass, known),
             )
             warnings = tuple(f"{log_path.address}: {issue.short}" for issue in report.issues)
-            return LogMoments(log_path.address, merged, seen.samples[0], seen.seconds, warnings)
+            # a wrong centre of mass of the URDF looks like a wrong zero of an angle, in the logs of all robots
+            wrong = [issue for issue in faults_of(report) if issue.kind != JOINT_ZERO]
+            faults = tuple(f"{log_path.address}: {issue.short}" for issue in wrong)
+            return LogMoments(log_path.address, merged, seen.samples[0], seen.seconds, warnings, faults)
     except _LOG_FAULTS as error:
         return _skipped(log_path, error)
 
@@ -210,6 +217,7 @@ def combine(name: str, parts: Sequence[LogMoments | Skipped]) -> RobotMoments:
         sum(p.seconds for p in good),
         tuple(p for p in parts if isinstance(p, Skipped)),
         tuple(w for p in good for w in p.warnings)[:3],
+        tuple(fault for p in good for fault in p.faults),
     )
 
 

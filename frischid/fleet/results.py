@@ -7,6 +7,7 @@ from dataclasses import dataclass
 from frischid.diagnosis.findings import Finding
 from frischid.fleet.deviation import Change, Deviation, Null
 from frischid.fleet.jobs import Skipped
+from frischid.model.alarms import Alarm
 from frischid.model.model import Model
 
 SIGNIFICANCE = 0.01
@@ -87,6 +88,8 @@ class Fleet:
     where : str
         The processes that did the work.
     notes, warnings : tuple of str
+    alarms : tuple of Alarm
+        Reasons not to trust the shared parameters, nor the list of robots that differ from them.
     """
 
     model: Model
@@ -96,6 +99,7 @@ class Fleet:
     where: str
     notes: tuple[str, ...]
     warnings: tuple[str, ...]
+    alarms: tuple[Alarm, ...] = ()
 
     @property
     def different(self) -> tuple[Member, ...]:

@@ -262,7 +262,8 @@ def gains_from_masses(doubts: Mapping[str, float]) -> list[Alarm]:
     if not doubts:
         return []
     known = {n: x for n, x in doubts.items() if x < 1.0}
-    least = f" (± {percent(min(known.values()))} to {percent(max(known.values()))})" if known else ""
+    ends = dict.fromkeys(percent(x) for x in (min(known.values()), max(known.values()))) if known else ()
+    least = f" (± {' to '.join(ends)})" if ends else ""
     unknown = [n for n in doubts if n not in known]
     more = f"; those of {', '.join(unknown)} are guessed" if unknown else ""
     return [

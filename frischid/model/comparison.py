@@ -24,14 +24,16 @@ from frischid.errors import InputError
 from frischid.logs.given import Logs, as_logs
 from frischid.logs.log import Log
 from frischid.logs.mapping import MappingLike
+from frischid.logs.summary import Data
 from frischid.model.alarms import Alarm, AlarmCriteria, by_severity
-from frischid.model.comparison_alarms import SMALLEST_ERROR, Elsewhere, elsewhere
+from frischid.model.comparison_alarms import SMALLEST_ERROR, UNLIKE, Elsewhere, elsewhere
 from frischid.model.comparison_criteria import COMPARISON_CRITERIA
 from frischid.model.error_sums import ErrorSums
 from frischid.model.events import cross_validated_nrmse
 from frischid.model.expected_error import ExpectedError
 from frischid.model.joint_fit import JointFit
 from frischid.model.kept_blocks import SAMPLES_KEPT, KeptBlocks
+from frischid.model.log_faults import faulty_new_logs
 from frischid.model.model import Model
 from frischid.model.model_argument import check_model
 from frischid.model.noise_floor import NoiseFloor
@@ -222,7 +224,7 @@ def compare(
     found = errors.comparison(tuple(log.source for log in logs))
     if all(model.made_from(log) for log in logs):
         return found
-    return replace(found, alarms=_alarms(model, found, errors, criteria or AlarmCriteria()))
+    return replace(found, alarms=_alarms(model, logs, found, errors, criteria or AlarmCriteria()))
 
 
 class ModelErrors:
@@ -298,7 +300,9 @@ def urdf_parameters(model: Model) -> Array:
     return theta
 
 
-def _alarms(model: Model, summary: Comparison, errors: ModelErrors, criteria: AlarmCriteria) -> tuple[Alarm, ...]:
+def _alarms(
+    model: Model, logs: Sequence[Data], summary: Comparison, errors: ModelErrors, criteria: AlarmCriteria
+) -> tuple[Alarm, ...]:
     """Alarms of a model on logs that it was not fitted to."""
     rmse = np.array([j.rmse for j in summary.joints])
     compared = np.isin(model.joints, summary.joints.names)
@@ -317,7 +321,9 @@ def _alarms(model: Model, summary: Comparison, errors: ModelErrors, criteria: Al
         cross_validated=np.nan if known is None else known,
         urdf=summary.nominal if model.fitted is not None else np.nan,
     )
-    return by_severity(elsewhere(seen, criteria))
+    found = elsewhere(seen, criteria)
+    unlike = {joint for alarm in found if alarm.id == UNLIKE for joint in alarm.joints}
+    return by_severity([*(faulty_new_logs(model, logs, unlike) if unlike else ()), *found])
 
 
 def _summary(

@@ -154,7 +154,7 @@ def _useless(seen: Elsewhere, criteria: AlarmCriteria) -> list[Alarm]:
             "worse-than-constant",
             "severe",
             f"On these logs a constant torque has a smaller error than the model on {listed(where)} (NRMSE up to "
-            f"{float(share[bad].max()):.2f}; a constant torque has 1).",
+            f"{float(share[bad].max()):.2f}; the mean torque of these logs has 1).",
             f"Do not use the model for {those}. Run frischid diagnose: an effect on {those} may be missing.",
             where,
             float(share[bad].max()),
@@ -173,7 +173,7 @@ def _surprise(seen: Elsewhere, criteria: AlarmCriteria) -> list[Alarm]:
         Alarm(
             UNLIKE,
             "severe",
-            f"The error on {', '.join(where)} is {float(ratio.max()):.1f} times the error that the "
+            f"The error on {', '.join(where)} is {times_of(float(ratio.max()))} times the error that the "
             "uncertainty of the model explains. Either the robot, its base, its load or its sensors have "
             "changed, or these logs show an effect that the fitted logs hardly show.",
             "Run frischid diagnose on these logs to find the change or the effect.",
@@ -182,6 +182,17 @@ def _surprise(seen: Elsewhere, criteria: AlarmCriteria) -> list[Alarm]:
             criteria.surprise,
         )
     ]
+
+
+def times_of(ratio: float) -> str:
+    """A ratio in the digits that say something.
+
+    Examples
+    --------
+    >>> times_of(3.84), times_of(1128159.8)
+    ('3.8', '1130000')
+    """
+    return f"{ratio:.1f}" if ratio < 100 else f"{float(f'{ratio:.3g}'):.0f}"
 
 
 def _unexpected(seen: Elsewhere, before: list[Alarm], criteria: AlarmCriteria) -> list[Alarm]:

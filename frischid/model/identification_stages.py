@@ -13,6 +13,7 @@ from collections.abc import Iterable, Sequence
 from dataclasses import dataclass, replace
 from functools import cached_property, partial
 
+from frischid.checks.log_issue import UNDONE
 from frischid.core.text import listed
 from frischid.effects import Effect, check_effects
 from frischid.errors import InputError
@@ -32,6 +33,7 @@ from frischid.model.friction_lead import lead_effects, without_columns
 from frischid.model.identify_options import IdentifyOptions
 from frischid.model.log_data import Journal, LogData
 from frischid.model.log_examination import check_cutoff, refuse_worthless, report_issues
+from frischid.model.log_faults import faults_of
 from frischid.model.unknown_damping import damping_notes
 from frischid.model.unknown_drive import known_controller
 from frischid.model.unknown_gains import known_currents
@@ -166,12 +168,10 @@ def _check_issues(data: LogData) -> None:
     data.journal.stage("checking the logs")
     prepared = None if data.streamed else (data.lowpass, [list(data.preparation.of(log)) for log in data.logs])
     reports = report_issues(data.robot, data.logs, prepared)
-    issues = [(r.source, x) for r in reports for x in r.issues if x.kind != "standstill"]  # a note says it of all logs
+    issues = [(r.source, x) for r in reports for x in r.issues if x.kind not in UNDONE]
     data.journal.warnings += [f"{source}: {issue.short}" for source, issue in issues]
     for report in reports:
-        undone = {joint for joint, *_ in report.fix}
-        wrong = [x for x in report.issues if x.blocks or (x.where and undone.issuperset(x.where))]
-        data.journal.faults += [(report.source, x) for x in wrong]
+        data.journal.faults += [(report.source, x) for x in faults_of(report)]
         data.journal.explained |= report.explained(data.robot.joints)
     if not data.options.force:
         refuse_worthless(reports)

@@ -16,7 +16,7 @@ from __future__ import annotations
 
 import json
 import warnings
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from typing import Any
 
 import numpy as np
@@ -31,8 +31,10 @@ from frischid.estimators.least_squares import Prior, wls
 from frischid.estimators.precision import precision_of
 from frischid.logs.given import Logs, as_logs
 from frischid.logs.mapping import MappingLike
+from frischid.model.alarms import Alarm
 from frischid.model.model import Model
 from frischid.model.model_argument import check_model
+from frischid.model.payload_alarms import DIFFERENT, alarms_with_body, unlike_with_body
 from frischid.regression.accumulation import accumulate
 from frischid.regression.moments import Gram, total
 from frischid.regression.regressor import Regressor
@@ -72,6 +74,8 @@ class IdentifiedPayload:
     error, error_without : float
         Mean NRMSE of the joints with the body, and without it.
     notes : tuple of str
+    alarms : tuple of Alarm
+        Reasons not to enter these numbers: the logs differ from the model in another way, too.
 
     Examples
     --------
@@ -92,6 +96,7 @@ class IdentifiedPayload:
     error: float
     error_without: float
     notes: tuple[str, ...] = ()
+    alarms: tuple[Alarm, ...] = ()
 
     def to_dict(self) -> dict[str, Any]:
         """Plain JSON values."""
@@ -106,6 +111,7 @@ class IdentifiedPayload:
             "nrmse": self.error,
             "nrmse_without": self.error_without,
             "notes": list(self.notes),
+            "alarms": [alarm.to_dict() for alarm in self.alarms],
             "enter": {"franka": self.franka(), "ur": self.ur(), "kuka": self.kuka()},
         }
 
@@ -233,9 +239,11 @@ def payload(
         phi[felt], covariance = fit.theta[p:], before.copy()
         covariance[np.ix_(felt, felt)] = fit.covariance[p:, p:]
         mass = max(abs(float(phi[0])), 0.02 * robot_mass)
-    errors = _errors(total(blocks), fit.theta, model.estimate.theta)
+    moments = total(blocks)
+    errors, unlike = _errors(moments, fit.theta, model.estimate.theta), unlike_with_body(model, moments, fit.theta)
     names, chance = (_frame_name(robot, name, frame), name), _by_chance(fit.theta[p:], fit.covariance[p:, p:])
-    return _in_frame((phi, covariance), H, names, errors, tuple(motions.notes), chance)
+    found = _in_frame((phi, covariance), H, names, errors, tuple(motions.notes), (chance, bool(unlike)))
+    return replace(found, alarms=alarms_with_body(model, logs, unlike))
 
 
 def _carrier(robot: Robot, wanted: str | None) -> str:
@@ -317,15 +325,18 @@ def _in_frame(
     names: tuple[str, str],
     errors: tuple[float, float],
     notes: tuple[str, ...],
-    by_chance: bool,
+    doubts: tuple[bool, bool],
 ) -> IdentifiedPayload:
-    """The ten parameters as mass, centre and inertia about it, with bounds by the derivative of this change."""
+    """The ten parameters as mass, centre and inertia about it, with bounds by the derivative of this change.
+
+    The doubts are whether chance explains the body, and whether the logs differ from the model in another way.
+    """
+    by_chance, unlike = doubts
     T = np.linalg.inv(parameter_transform(H))
     phi, covariance = T @ found[0], T @ found[1] @ T.T
     if by_chance or phi[0] <= 0:
         limit = max(float(phi[0]), 0.0) + 2.0 * float(np.sqrt(covariance[0, 0]))
-        more = "" if by_chance else "; these logs differ from the model in another way: frischid diagnose MODEL LOG"
-        raise NoBodyError(*names, limit, more)
+        raise NoBodyError(*names, limit, DIFFERENT if unlike or not by_chance else "")
     slope = np.empty((10, 10))
     for k in range(10):
         step = np.zeros(10)

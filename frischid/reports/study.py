@@ -153,12 +153,12 @@ class Study:
         if self.impossible and all(alarm.id != "impossible-sign" for alarm in self.headline.alarms):
             found.append(f"The sign of {listed(self.impossible)} is physically impossible.")
         of_logs = [f"{Path(q.source).name}: {w}" for q in self.qualities for w in q.warnings]
-        earlier = [self._brief(w) for w in identified.get("warnings", ())]
+        earlier = [self.brief(w) for w in identified.get("warnings", ())]
         found += [f"At identification: {w}" for w in earlier if w not in of_logs]
         return list(dict.fromkeys([*found, *of_logs]))
 
-    def _brief(self, text: str) -> str:
-        """A message with the names of its logs instead of their paths."""
+    def brief(self, text: str) -> str:
+        """A message with the names of its logs instead of their paths, which say nothing elsewhere."""
         for event in self.model.history:
             for log in event.get("logs", ()):
                 text = text.replace(log["source"], Path(log["source"]).name)

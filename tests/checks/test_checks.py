@@ -10,6 +10,8 @@ from pathlib import Path
 
 import numpy as np
 import pytest
+from click.testing import CliRunner
+from output_schemas import fits
 
 from frischid.checks import defects, inspect
 from frischid.checks.channels import quantum
@@ -17,6 +19,7 @@ from frischid.checks.check_criteria import DEFAULT_CRITERIA, CheckCriteria
 from frischid.checks.log_issue import Notebook
 from frischid.checks.payload import determines_mass
 from frischid.checks.sketch import Sketch, shared_fit
+from frischid.cli import main
 from frischid.cli.pages.checking import check as check_page
 from frischid.effects import BASELINE
 from frischid.errors import InputError
@@ -407,6 +410,23 @@ def test_every_defect_of_a_file_is_told_at_once(tmp_path):
     assert "162" in found["time"]
     path.write_text("\n".join([head, *map(",".join, rows[:40])]) + "\n")
     assert defects(path, LogMap()) is None
+
+
+def test_empty_cells_are_no_gap_in_the_time_stamps(tmp_path):
+    """Twenty lines without one torque had been "certain: a gap in the time stamps of 0.168 s"."""
+    path = tmp_path / "log.csv"
+    rows = [[f"{0.01 * k:.2f}", "0.1", "" if 50 <= k < 70 else "1"] for k in range(300)]
+    path.write_text("\n".join(["t,q_joint1,tau_joint1", *map(",".join, rows)]) + "\n")
+    (issue,) = defects(path, LogMap()).issues
+    assert (issue.kind, "52 to 71" in issue.what) == ("garbage rows", True)
+    assert "a cell is empty" in issue.advice
+    printed = CliRunner().invoke(main, ["check", "planar2", str(path)])
+    assert printed.exit_code == 2
+    assert "52 to 71" in printed.output  # the error names the first line alone
+    machine_readable = CliRunner().invoke(main, ["check", "planar2", str(path), "--json"])
+    data = json.loads(machine_readable.stdout)
+    fits("check", data)
+    assert data["logs"][0]["bad_lines"] == 20
 
 
 def test_a_time_column_beyond_the_last_is_no_time(tmp_path):

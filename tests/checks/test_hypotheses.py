@@ -133,7 +133,9 @@ def test_angles_that_wrap_are_made_continuous(log):
     found, _ = issues(wrapped)
     assert set(found) == {"wrapped angle"}
     assert found["wrapped angle"].where == UR.joints[:1]
+    assert "±π" not in found["wrapped angle"].what  # an angle from 0° to 360° had been said to wrap at ±π
     model = identify(UR, [wrapped], recursion="none")
+    assert not any("wraps" in warning for warning in model.warnings)  # nothing is to be done, and a note says it
     assert any("wrap at whole turns" in note for note in model.notes)
     assert max(model.cross_validation.values()) < 0.1
 

@@ -6,6 +6,7 @@ import pytest
 from cases import exact_log, made, quick, random_values, robot, states
 from scaled_robots import scaled
 
+from frischid.cli.pages.exporting import consistency as consistent_page
 from frischid.effects import BASELINE
 from frischid.errors import InputError, UnknownNameError
 from frischid.estimators.nominal_links import Links
@@ -219,6 +220,15 @@ def test_the_physical_model_is_its_base_parameters():
     assert found.model.previous is not None
     again = Model.from_dict(found.model.to_dict())
     assert again.standard == found.model.standard
+
+
+def test_the_printed_chi_squared_is_that_of_the_links_found():
+    """Beside changes of 0.6 standard errors the page had a χ² of 0.0, which was that before the step to the URDF."""
+    found = make_consistent(model_of("ur10", seconds=8.0))
+    assert found.result.misfit <= found.result.chi_squared <= found.result.misfit + 0.0201 * len(found.change)
+    assert found.result.chi_squared >= 0.99 * np.abs(found.change).max() ** 2
+    shown = " ".join(map(str, consistent_page(found, None).parts))
+    assert f"χ² {found.result.chi_squared:.1f} for" in shown
 
 
 def test_as_identified_keeps_the_base_parameters():

@@ -93,6 +93,20 @@ def test_those_that_differ_come_first_and_are_named(alone):
     assert alone.members[0].excess > alone.members[1].excess > alone.members[2].excess > alone.members[3].excess
 
 
+def test_a_log_with_a_fault_raises_an_alarm(alone, arm, folder, tmp_path):
+    """One reversed torque had changed what all robots share; another robot was named, and nothing was said first."""
+    assert alone.alarms == ()
+    for k in (0, 1, 2):
+        log = fr.read_log(folder / f"r{k:02d}" / "log.parquet", arm.joints)
+        fr.write_log(replace(log, tau=log.tau * [1, -1 if k == 2 else 1, 1]), tmp_path / f"r{k}.parquet")
+    found = identify_fleet(arm, find_logs([f"{tmp_path}/*.parquet"]), FleetOptions(diagnosed=0))
+    (alarm,) = found.alarms
+    assert (alarm.id, alarm.severity) == ("faulty-log", "severe")
+    assert "r2.parquet: shoulder_lift_joint: " in alarm.sentence
+    assert found.model.history[0]["alarms"] == [alarm.to_dict()]
+    assert fleet_page(found, None).exit_code == 1
+
+
 def test_what_they_share_is_found(alone):
     columns = [c.name for c in alone.model.estimate.columns]
     for name, value in FRICTION.items():

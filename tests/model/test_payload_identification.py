@@ -114,6 +114,22 @@ def test_a_log_that_is_given_twice_is_refused():
             call()
 
 
+def test_a_log_that_no_body_explains_raises_an_alarm():
+    """Torques that were 1.2 times too large had given 2.4 ± 0.02 kg for a body of 1.5 kg, and nothing was said."""
+    assert payload(bare(), [loaded()]).alarms == ()
+    scaled = payload(bare(), [replace(loaded(), tau=1.2 * loaded().tau, source="scaled")])
+    assert abs(scaled.mass - 2.0) > 2 * scaled.bound["mass"]
+    assert [(alarm.id, alarm.severity) for alarm in scaled.alarms] == [("unlike-the-fitted-logs", "severe")]
+    turned = payload(bare(), [replace(loaded(), tau=loaded().tau * [1, 1, -1, 1, 1, 1], source="turned")])
+    assert [alarm.id for alarm in turned.alarms] == ["faulty-log", "unlike-the-fitted-logs"]
+
+
+def test_a_bare_robot_with_a_reversed_torque_carries_no_body_but_differs():
+    log = simulate(UR, random_fourier(UR, 15, seed=3), rate=100, noise=NOISE)
+    with pytest.raises(IdentifiabilityError, match=r"no body.*differ from the model in another way"):
+        payload(bare(), [replace(log, tau=log.tau * [1, 1, -1, 1, 1, 1], source="turned")])
+
+
 def test_the_command(tmp_path):
     bare().save(tmp_path / "model.json")
     write_log(loaded(), tmp_path / "log.parquet")

@@ -691,6 +691,18 @@ def test_the_last_stair_is_the_error_at_the_top(spring, tmp_path):
     assert floor.y[0] == own.headline.noise_floor
 
 
+def test_notes_name_logs_without_their_folders(spring):
+    """The page is for others: "A motion comes again (/home/me/run1.csv; 29 s)" had stood there."""
+    shown = spring[1]
+    first, *others = shown.model.history
+    history = ({**first, "logs": [{"source": "/home/me/run1.csv", "sha256": None}]}, *others)
+    notes = ("", "a motion comes again (/home/me/run1.csv; 29 s)")
+    there = replace(shown, model=replace(shown.model, history=history), diagnosis=replace(shown.diagnosis, notes=notes))
+    text = chapter("missing", there).replace("<wbr>", "").replace("\u00a0", " ")
+    assert "A motion comes again (run1.csv; 29 s)" in text
+    assert "/home/me" not in text
+
+
 def test_the_ladder_shows_the_error_before_the_steps(spring):
     """Also where the model's file names its logs by the paths of another machine."""
     shown = spring[1]

@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from frischid.cli.outputs.parts import FindingOutput, Output
+from frischid.cli.outputs.parts import AlarmOutput, FindingOutput, Output
 from frischid.model.model_records import NotNegative
 
 Pair = tuple[float, float]
@@ -76,3 +76,4 @@ class FleetOutput(Output):
     skipped: list[SkippedOutput]
     notes: list[str]
     warnings: list[str]
+    alarms: list[AlarmOutput]

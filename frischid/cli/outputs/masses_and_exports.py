@@ -36,6 +36,7 @@ class PayloadOutput(Output):
     nrmse: NotNegative | None
     nrmse_without: NotNegative | None
     notes: list[str]
+    alarms: list[AlarmOutput]
     enter: EnterOutput | None
 
 

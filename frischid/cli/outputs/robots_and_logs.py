@@ -144,6 +144,7 @@ class CheckedLogOutput(Output):
     comes_again_after: float | UnsetType = UNSET
     repeated_seconds: float | UnsetType = UNSET
     gaps: int | UnsetType = UNSET
+    bad_lines: int | UnsetType = UNSET
     missing_share: float | UnsetType = UNSET
     jitter: float | UnsetType = UNSET
     stamps_follow: float | UnsetType = UNSET

@@ -19,7 +19,7 @@ def no_body(none: NoBodyError, output: str | None) -> Page:
     empty = dict.fromkeys(("mass", "center_of_mass", "inertia", "nrmse", "nrmse_without", "enter"))
     data = {
         "frame": none.frame, "carrier": none.carrier, **empty,
-        "bound_95": {"mass": none.limit}, "from_log": {}, "notes": [str(none)],
+        "bound_95": {"mass": none.limit}, "from_log": {}, "notes": [str(none)], "alarms": [],
     }  # fmt: skip
     said = [escape(str(none)), *([f"nothing was written to {output}"] if output else [])]
     return Page(data, said, found_nothing=True)
@@ -42,4 +42,4 @@ def payload(found: IdentifiedPayload, output: str | None) -> Page:
         escape(f"KUKA (KRL, mm): {found.kuka()}"),
         *([f"written to {output}"] if output else []),
     ]
-    return Page(found.to_dict(), parts)
+    return Page(found.to_dict(), parts, found.alarms)

@@ -124,7 +124,7 @@ def _verdict(found: Consistency) -> str:
     if result.reproduces:
         return (
             f"[bold]physically consistent links found[/bold]: they reproduce the base parameters within their "
-            f"bounds (χ² {result.misfit:.1f} for {len(found.change)} parameters), and are nearest to the URDF's "
+            f"bounds (χ² {result.chi_squared:.1f} for {len(found.change)} parameters), and are nearest to the URDF's "
             "links"
         )
     blame = ", ".join(f"{name} ({share:.0f})" for name, share in result.blame[:3])

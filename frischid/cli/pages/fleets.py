@@ -44,7 +44,7 @@ def fleet(found: Fleet, output: str | None) -> Page:
     parts += [f"and {counted(len(found.warnings) - MOST, 'more warning')}"] * (len(found.warnings) > MOST)
     if output:
         parts.append(f"model of the fleet written to {escape(output)}")
-    return Page(_data(found), parts)
+    return Page(_data(found), parts, found.alarms)
 
 
 def _spread(found: Fleet) -> np.ndarray[Any, np.dtype[np.float64]]:
@@ -112,6 +112,7 @@ def _data(found: Fleet) -> dict[str, Any]:
         "skipped": [vars(s) for s in found.skipped],
         "notes": list(found.notes),
         "warnings": list(found.warnings),
+        "alarms": [alarm.to_dict() for alarm in found.alarms],
     }
 
 

@@ -47,7 +47,9 @@ def content(study: Study, model_path: str) -> dict[str, Any]:
         "missing": said,
         "contacts": contacts,
         "chances": [f"{IN_WORDS.get(k, k)} {percent(p)}" for k, p in _likely(diagnosis)],
-        "notes": [sentence(note) for note in diagnosis.notes[1:] if note != shared and f"; {note}" not in said],
+        "notes": [
+            sentence(study.brief(note)) for note in diagnosis.notes[1:] if note != shared and f"; {note}" not in said
+        ],
         "refused": study.refusals,
         "separate": command_for(pair, robot, alone),
         "separated": listed([f.effect for f in pair]),
