@@ -7,6 +7,7 @@ from types import SimpleNamespace
 import numpy as np
 import pytest
 
+from frischid.diagnosis import stepwise_selection
 from frischid.diagnosis.block_test import p_value_of
 from frischid.diagnosis.candidate_columns import Candidate
 from frischid.diagnosis.candidate_fits import Score
@@ -26,7 +27,7 @@ from frischid.diagnosis.scored_candidate import (
     usable_candidates,
 )
 from frischid.diagnosis.situation import cross_validator
-from frischid.diagnosis.stepwise_selection import excluded, likeliest, own_parts, with_all
+from frischid.diagnosis.stepwise_selection import excluded, likeliest, likeliest_passing, own_parts, with_all
 from frischid.diagnosis.verdict import asks_for_explanation
 from frischid.diagnosis.weighted_fit import predictive_squares
 from frischid.effects import BASELINE, EFFECTS, Formula, JointCoupling, parse_effects
@@ -446,3 +447,16 @@ def test_places_of_one_effect_count_together_against_an_effect_of_all_their_join
     )
     assert likeliest(base, fresh(1.1 * together)) is wide
     assert likeliest(base, fresh(0.4)) is one
+
+
+def test_what_does_not_pass_takes_the_place_of_no_other(monkeypatch):
+    """A SCARA warmed on one joint, and a few reversals of another joint were worse: these had taken the place."""
+    base, (one, two, third) = imitators()
+    found = [(c, c) for c in sorted((one, two, third), key=lambda c: -c.explained)]
+    (large, _), (small, _), (third, _) = found
+    for refused, expected in (((), large), ((large,), small), ((large, small), third)):
+        names = [c.effect for c in refused]
+        monkeypatch.setattr(stepwise_selection, "passes", lambda v, x, tried, names=names: x.effect not in names)
+        assert likeliest_passing(base, found, third, 3) is expected
+    monkeypatch.setattr(stepwise_selection, "passes", lambda v, x, tried: False)
+    assert likeliest_passing(base, found[:2], third, 3) is None
