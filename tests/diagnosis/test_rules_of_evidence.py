@@ -341,6 +341,22 @@ def test_two_couplings_of_the_same_joints_exclude_each_other():
     assert not excluded(of("joint_spring@joint1"), of("hysteresis@joint1"))
 
 
+@pytest.mark.parametrize(("known", "tried"), [("viscous, coulomb, offset", 0), ("viscous, coulomb", 1)])
+def test_what_differs_from_the_model_at_standstill_alone_is_no_candidate(known, tried):
+    """A gantry stood still for a tenth of a second twice; direction-dependent dry friction had a probability of 0.99.
+
+    Beside an offset this friction differs from the model only where dry friction is undetermined.
+    """
+    log = log_of(1)
+    model = identify(ARM, [log], effects=parse_effects(known), recursion="none").model
+    asymmetric = parse_effects("asymmetric_coulomb@joint2")
+    base = CrossValidator.of(model, [log], weak_urdf_prior(model))
+    assert [len(c) for c in usable_candidates(base, [asymmetric])] == [tried]
+    said = [note for note in diagnose(model, [log], effects=["asymmetric_coulomb"]).notes if "not tried" in note]
+    assert len(said) == 1 - tried
+    assert all("as offset, and at standstill" in note for note in said)
+
+
 def test_a_coupling_needs_the_torques_of_both_joints():
     """Without one of them, the other's torque only follows a motion that is not its own."""
     robot = Robot.load("planar2")
