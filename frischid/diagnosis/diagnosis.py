@@ -48,6 +48,7 @@ from frischid.diagnosis.verdict import (
     with_refit,
     with_verdict,
     without_bias,
+    without_imitator,
 )
 from frischid.effects import EFFECTS
 from frischid.errors import InputError, UnknownNameError
@@ -220,6 +221,8 @@ def _diagnosis(results: StageResults, verdicts: tuple[Verdict, Verdict], error_o
     named = with_probability(results.findings, probable, results.together)
     if unmodelled is None:
         named = without_bias(named, by_twin, probable)
+    else:
+        named = without_imitator(named, results.ranking.effects[0].kind.id, unmodelled)
     results = replace(results, findings=named)
     verdict = concluded(verdict, results.findings, probable, unmodelled=unmodelled is not None)
     row = int(np.argmax(errors)) if unmodelled is None else unmodelled.row

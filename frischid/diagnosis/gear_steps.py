@@ -7,6 +7,8 @@ that explains most error beside the angles already taken (orthogonal least squar
 the smallest held-out error. A few jumps in the right places describe a damaged gear; they do not describe ripple. A
 torque that a continuous line with a dozen kinks describes nearly as well is a spring of some kind, not jumps.
 
+Such a line times sign(q̇) is the dry friction of a bearing that is worn at some angles.
+
 Source: Chen, Billings and Luo 1989, Int. J. Control 50(5).
 """
 
@@ -42,6 +44,14 @@ def gear_steps(validator: CrossValidator, row: int) -> ScoredCandidate | None:
     if best is None or (line is not None and _error(best, row) > criteria.half_explained * _error(line, row)):
         return None
     return best
+
+
+def worn_friction(validator: CrossValidator, row: int) -> ScoredCandidate | None:
+    """Dry friction that is a continuous function of the angle, with a dozen kinks; None where the model spans it."""
+    number = validator.model.robot.numbers[validator.joints[row]]
+    bent = _terms(validator, row, f"abs({{}})*sign(v{number})", validator.criteria.max_jumps)
+    kinked = [c for c in validator.candidates(bent) if c.columns]
+    return _best(validator, row, [kinked] if kinked else [])
 
 
 def _terms(validator: CrossValidator, row: int, form: str, count: int) -> list[Formula]:

@@ -6,8 +6,9 @@ from collections.abc import Collection, Sequence
 
 from frischid.core.text import listed
 from frischid.diagnosis.contacts import Contact
+from frischid.diagnosis.scored_candidate import known_in_motion
 from frischid.diagnosis.situation import Situation
-from frischid.effects import EFFECTS
+from frischid.effects import EFFECTS, columns_of
 from frischid.logs.log import Log
 from frischid.logs.recording import Recording
 from frischid.model.model import Model
@@ -43,7 +44,8 @@ def untried(model: Model, effects: Sequence[str], situation: Situation, channels
     channels : collection of str
         Further channels that every log has.
     """
-    changes, never, blind = list[str](), list[str](), list[str]()
+    changes, never, blind, known = list[str](), list[str](), list[str](), list[str]()
+    present = {column.name for column in columns_of(model.robot, model.effects)}
     for name in dict.fromkeys(effects):
         candidates = [effect for shapes in EFFECTS[name].candidates(model.robot) for effect in shapes]
         if EFFECTS[name].change and situation == "always":
@@ -52,10 +54,14 @@ def untried(model: Model, effects: Sequence[str], situation: Situation, channels
             never.append(name)
         elif not any(set(channels).issuperset(effect.channels(model.robot)) for effect in candidates):
             blind.append(name)
+        elif all(known_in_motion(effect, present, model.robot) for effect in candidates):
+            known.append(name)
+    same = listed(list(dict.fromkeys(EFFECTS[name].same_in_motion for name in known)))
     reasons = (
         (changes, "such an effect comes later, and the robot is assumed not to have changed (--situation changed)"),
         (never, "no diagnosis tries such an effect; frischid add adds it"),
         (blind, "the logs lack the channels that such an effect needs"),
+        (known, f"while a joint moves the model has it as {same}, and at standstill dry friction is undetermined"),
     )
     return [f"not tried: {listed(names)}, because {why}" for names, why in reasons if names]
 

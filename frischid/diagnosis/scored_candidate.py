@@ -16,7 +16,7 @@ If m candidates were tried, the p value of each is
 from __future__ import annotations
 
 import itertools
-from collections.abc import Callable, Sequence
+from collections.abc import Callable, Sequence, Set
 from dataclasses import dataclass
 from typing import Protocol, runtime_checkable
 
@@ -27,7 +27,8 @@ from frischid.diagnosis.block_test import block_test
 from frischid.diagnosis.candidate_columns import Candidate
 from frischid.diagnosis.candidate_fits import Score
 from frischid.diagnosis.cross_validation import CrossValidator
-from frischid.effects import Coulomb, Effect
+from frischid.effects import EFFECTS, Coulomb, Effect
+from frischid.robot.robot import Robot
 
 
 @runtime_checkable
@@ -157,7 +158,8 @@ def usable_candidates(
 
     A shape that these motions cannot show is left out. So is a coupling of joints where the torque of one is not known:
     half of a coupling is a torque that follows another joint's motion, whatever its cause. Errors of a recorded torque
-    are no candidates where the torque was computed from commands.
+    are no candidates where the torque was computed from commands. Nor is an effect that differs from one of the model
+    only at standstill: whatever it explains there, dry friction may cause.
 
     All places are handled at once, because each call goes through all motions.
 
@@ -175,6 +177,8 @@ def usable_candidates(
     def fresh(effect: Effect) -> bool:
         if (effect.of_recording and commanded) or not effect.shows_within(validator.data.cache.reach):
             return False
+        if known_in_motion(effect, present, robot):
+            return False
         if len(effect.joints or ()) > 1 and not fitted.issuperset(effect.joints or ()):
             return False
         return measured.issuperset(effect.channels(robot)) and not any(
@@ -185,6 +189,12 @@ def usable_candidates(
     kept = validator.screened([[effect for effect in shapes if fresh(effect)] for shapes in smoothed])
     found = iter(validator.candidates([effect for effects in kept for effect in effects], progress))
     return [[c for c in itertools.islice(found, len(effects)) if c.columns and c.finite] for effects in kept]
+
+
+def known_in_motion(effect: Effect, present: Set[str], robot: Robot) -> bool:
+    """Whether a model whose columns have some names has an effect that is the same wherever the joint moves."""
+    name = type(effect).same_in_motion
+    return bool(name) and present >= {column.name for column in EFFECTS[name](joints=effect.joints).columns(robot)}
 
 
 def with_model_width(effect: Effect, known: Sequence[Effect]) -> Effect:

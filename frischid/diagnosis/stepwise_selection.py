@@ -70,10 +70,16 @@ def selected(validator: CrossValidator, pool: Sequence[ScoredCandidate], tried: 
     tried : int
         Candidates that were tried in all.
     """
-    rest = _most_promising(validator, pool)
-    chosen: list[ScoredCandidate] = []
-    now = validator
-    while rest and len(chosen) < validator.criteria.max_entered:
+    entered = _entered(Selection([], validator), _most_promising(validator, pool), tried)
+    exchanged = _exchanged(validator, pool, entered, tried)
+    return _entered(exchanged, [c for c in entered.chosen if c not in exchanged.chosen], tried)
+
+
+def _entered(before: Selection, rest: Sequence[ScoredCandidate], tried: int) -> Selection:
+    """Let candidates enter one after another beside those in the model, as long as one of them passes every test."""
+    chosen, now = list(before.chosen), before.full
+    rest = [c for c in rest if not any(excluded(c, x) for x in chosen)]
+    while rest and len(chosen) < now.criteria.max_entered:
         now.fits([c.candidate for c in rest])
         fresh = [(c, x) for c in rest if (x := scored(now, [c.candidate])) is not None and passes(now, x, tried)]
         if not fresh:
@@ -86,7 +92,7 @@ def selected(validator: CrossValidator, pool: Sequence[ScoredCandidate], tried: 
         chosen.append(best)
         rest = [c for c in rest if not excluded(c, best)]
         now = extended
-    return _exchanged(validator, pool, chosen, now)
+    return Selection(chosen, now)
 
 
 def likeliest(validator: CrossValidator, fresh: Sequence[tuple[ScoredCandidate, ScoredCandidate]]) -> ScoredCandidate:
@@ -126,10 +132,12 @@ def excluded(candidate: ScoredCandidate, chosen: ScoredCandidate) -> bool:
     return type(one) is type(other) and (one.single or (one.joints == other.joints and not one.several))
 
 
-def _exchanged(
-    validator: CrossValidator, pool: Sequence[ScoredCandidate], chosen: list[ScoredCandidate], full: CrossValidator
-) -> Selection:
-    """Replace every chosen candidate, in turn and once, by another one where the other explains more."""
+def _exchanged(validator: CrossValidator, pool: Sequence[ScoredCandidate], entered: Selection, tried: int) -> Selection:
+    """Replace every chosen candidate, in turn and once, by another one where the other explains more.
+
+    The other one must pass the tests that the chosen one has passed.
+    """
+    chosen, full = list(entered.chosen), entered.full
     if len(chosen) < 2:
         return Selection(chosen, full)
     likely = _most_promising(validator, pool)
@@ -139,12 +147,28 @@ def _exchanged(
         others = [c for c in likely if not any(c is x or excluded(c, x) for x in rest)]
         without.fits([c.candidate for c in others])
         found = [(c, x) for c in others if (x := scored(without, [c.candidate])) is not None]
-        if not found:
+        best = likeliest_passing(without, found, chosen[k], tried)
+        if best is None:
             continue
-        best = likeliest(without, found)
         if best is not chosen[k] and _better(full, extended := without.extended(best.candidate)):
             chosen[k], full = best, extended
     return Selection(chosen, full)
+
+
+def likeliest_passing(
+    validator: CrossValidator,
+    found: list[tuple[ScoredCandidate, ScoredCandidate]],
+    chosen: ScoredCandidate,
+    tried: int,
+) -> ScoredCandidate | None:
+    """The likeliest candidate that passes, or the chosen one where none is likelier."""
+    while found:
+        best = likeliest(validator, found)
+        beside = next(x for c, x in found if c is best)
+        if best is chosen or passes(validator, beside, tried):
+            return best
+        found = [(c, x) for c, x in found if c is not best]
+    return None
 
 
 def _better(before: CrossValidator, after: CrossValidator) -> bool:

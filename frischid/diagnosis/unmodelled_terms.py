@@ -1,7 +1,8 @@
 """A term outside the catalogue that explains far more than the first finding: then the finding is not the cause.
 
 The catalogue has no effect for the action of one joint on another, nor for a torque that jumps at a few angles of a
-gear. Yet some effect of the catalogue may resemble such a torque and be found. So the best of these *unmodelled terms*
+gear, nor for dry friction that is another function of the angle than a straight line, as of a bearing worn at one
+place. Yet some effect of the catalogue may resemble such a torque and be found. So the best of these *unmodelled terms*
 is compared with the first finding, on the joint where the finding explains most. Each of the two is fitted together
 with all other effects that entered. The finding is not the cause if
 
@@ -21,10 +22,10 @@ from frischid.core.types import Array
 from frischid.diagnosis.block_test import block_test
 from frischid.diagnosis.cross_validation import CrossValidator
 from frischid.diagnosis.effect_ranking import Ranking
-from frischid.diagnosis.gear_steps import gear_steps
+from frischid.diagnosis.gear_steps import gear_steps, worn_friction
 from frischid.diagnosis.residual_formula import coupling_expressions, expression_of
 from frischid.diagnosis.scored_candidate import ScoredCandidate, scored
-from frischid.effects import Formula
+from frischid.effects import Formula, PositionFriction
 
 
 @dataclass(frozen=True)
@@ -70,28 +71,39 @@ def unmodelled_term(ranking: Ranking, floor: Array) -> UnmodelledTerm | None:
     noise = (floor / full.spread) ** 2
     first, worst = int(np.argmax(before - after)), int(np.argmax(after - noise))
     left = full.criteria.half_explained * (after - noise)
-    if left[first] >= noise[first] and (found := _term_on(without, first, noise[first] + left[first], False)):
-        return found
+    if left[first] >= noise[first]:
+        worn = ranking.effects[0].kind is not PositionFriction  # that is the cause, with another curve over the angle
+        found = _term_on(without, first, noise[first] + left[first], False, worn=worn)
+        if found is not None:
+            return found
     if worst != first and after[worst] - noise[worst] > before[first] - after[first]:
         return _term_on(full, worst, noise[worst] + left[worst], True)
     return None
 
 
-def _term_on(validator: CrossValidator, row: int, most: float, on_another_joint: bool) -> UnmodelledTerm | None:
+def _term_on(
+    validator: CrossValidator, row: int, most: float, on_another_joint: bool, *, worn: bool = True
+) -> UnmodelledTerm | None:
     """The best term on a joint, if at most some squared NRMSE is left beside the term."""
-    term = best_unmodelled(validator, row)
+    term = best_unmodelled(validator, row, worn=worn)
     if term is None or validator.nrmse(term.score.predictive)[row] ** 2 > most:
         return None
-    words = f"'{expression_of(term)}'"
+    number, expression = validator.model.robot.numbers[validator.joints[row]], expression_of(term)
+    words = f"'{expression}'"
     if len(term.candidate.signs) > 1:
-        words = f"a torque that jumps from sector to sector of q{validator.model.robot.numbers[validator.joints[row]]}"
+        dry = f"sign(v{number})" in expression
+        words = (
+            f"dry friction that changes with q{number}"
+            if dry
+            else f"a torque that jumps from sector to sector of q{number}"
+        )
     return UnmodelledTerm(row, words, on_another_joint)
 
 
 def best_unmodelled(
-    validator: CrossValidator, row: int, jumping: bool = True, *, significant: bool = True
+    validator: CrossValidator, row: int, jumping: bool = True, *, worn: bool = True, significant: bool = True
 ) -> ScoredCandidate | None:
-    """Best term outside the catalogue on one joint: a coupling to another joint, or jumps; None without any.
+    """Best term outside the catalogue on one joint: a coupling to another joint, jumps, or worn friction; or None.
 
     Parameters
     ----------
@@ -99,7 +111,9 @@ def best_unmodelled(
     row : int
         Position of the joint among the fitted ones.
     jumping : bool
-        Whether to try jumps too.
+        Whether to try functions of the joint's own angle: jumps, and dry friction.
+    worn : bool
+        Whether dry friction is among these.
     significant : bool
         Whether the term must be more than chance. Otherwise it must only explain the error over blocks of time: beside
         a few bursts of error the residual has hardly any independent samples, and no term is significant.
@@ -107,7 +121,8 @@ def best_unmodelled(
     criteria, joint = validator.criteria, validator.joints[row]
     terms = [Formula((joint,), e) for e in coupling_expressions(validator, joint)]
     found = [x for c in validator.candidates(terms) if c.columns and (x := scored(validator, [c])) is not None]
-    found += [x for x in [gear_steps(validator, row) if jumping else None] if x is not None]
+    of_angle = [gear_steps, *([worn_friction] if worn else [])] if jumping else []
+    found += [x for term in of_angle if (x := term(validator, row)) is not None]
     best = min(found, key=lambda x: float(validator.nrmse(x.score.predictive)[row]), default=None)
     if best is None or (significant and best.p_value(len(found)) > criteria.significance):
         return None

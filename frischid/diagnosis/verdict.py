@@ -25,7 +25,7 @@ from typing import Literal
 
 import numpy as np
 
-from frischid.core.text import listed
+from frischid.core.text import about, listed
 from frischid.core.types import Array
 from frischid.diagnosis.contacts import Contact
 from frischid.diagnosis.cross_validation import CrossValidator
@@ -38,6 +38,7 @@ from frischid.diagnosis.reversal_residuals import only_at_reversals
 from frischid.diagnosis.rivals import sentence_of, suspect_of
 from frischid.diagnosis.situation import Situation
 from frischid.diagnosis.unmodelled_terms import UnmodelledTerm
+from frischid.effects import EFFECTS
 
 Verdict = Literal["none", "effect", "contact", "unknown", "several"]
 
@@ -241,6 +242,23 @@ def without_bias(
     if by_twin != "none" or max(probabilities, key=lambda name: probabilities[name]) != "none":
         return tuple(findings)
     return tuple(replace(f, set_aside=LIKE_THE_TWIN) if f.significant else f for f in findings)
+
+
+def without_imitator(findings: Sequence[Finding], imitator: str, unmodelled: UnmodelledTerm) -> tuple[Finding, ...]:
+    """The findings; the sentence of one that a term outside the catalogue surpasses does not say that it is the cause.
+
+    Parameters
+    ----------
+    findings : sequence of Finding
+    imitator : str
+        Effect that the term was compared with.
+    unmodelled : UnmodelledTerm
+        A term that explains far more; on another joint than the effect's, the effect is missing beside it.
+    """
+    if unmodelled.on_another_joint:
+        return tuple(findings)
+    said = f"{EFFECTS[imitator].title} on {{joint}} only resembles the cause"
+    return tuple(replace(f, sentence=about(f.joints, said)) if f.effect == imitator else f for f in findings)
 
 
 def with_probability(

@@ -103,6 +103,9 @@ class Effect(ABC):
     """Whether the effect acts in one place only: the diagnosis then adds no further joints to it."""
     generalises: ClassVar[tuple[str, ...]] = ()
     """Effects that this one contains. Where one of them explains nearly as much, the diagnosis names that one."""
+    same_in_motion: ClassVar[str] = ""
+    """Another effect that has the same columns wherever the joint moves. Beside the other one in the model, a diagnosis
+    does not try this one: the two differ only at standstill, where dry friction is undetermined."""
     least: ClassVar[float] = 0.0
     """Size of the coefficients below which the diagnosis does not name the effect, however significant."""
     shapes: ClassVar[Mapping[str, tuple[float, ...]]] = {}

@@ -183,6 +183,7 @@ class AsymmetricCoulomb(Effect):
     reference: ClassVar[str] = "Armstrong-Hélouvry 1991, Control of Machines with Friction, Kluwer"
 
     friction: ClassVar[bool] = True
+    same_in_motion: ClassVar[str] = "offset"
     code: ClassVar[Mapping[str, str]] = {"fca": "tanh(abs({v}) / {width})"}
 
     dry: ClassVar[bool] = True

@@ -10,6 +10,7 @@ import pytest
 from click.testing import CliRunner
 
 from frischid.cli import main
+from frischid.cli.pages.improving import diagnosis as page_of
 from frischid.cli.pages.improving import verdict_of
 from frischid.core.text import listed
 from frischid.diagnosis.addition import add, undo
@@ -469,6 +470,9 @@ def test_what_another_joint_does_is_not_called_an_effect_that_resembles_it():
     assert found.verdict == "unknown"
     assert found.description.formula[0] == "tau_model2"
     assert any(f"on joint1 'tau_model2' explains far more than {resembling.effect} does" in n for n in found.notes)
+    said = " ".join(map(str, page_of(found).parts))
+    assert f"on joint1 only resembles the cause. Found: {next(iter(resembling.parameters))} = " in said
+    assert type(resembling.members[0]).sentence.format(joint="joint1") not in said.lower()
 
 
 def test_two_effects_are_compared_in_the_same_independent_samples(monkeypatch):

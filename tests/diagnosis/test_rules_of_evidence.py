@@ -7,6 +7,7 @@ from types import SimpleNamespace
 import numpy as np
 import pytest
 
+from frischid.diagnosis import stepwise_selection
 from frischid.diagnosis.block_test import p_value_of
 from frischid.diagnosis.candidate_columns import Candidate
 from frischid.diagnosis.candidate_fits import Score
@@ -26,7 +27,7 @@ from frischid.diagnosis.scored_candidate import (
     usable_candidates,
 )
 from frischid.diagnosis.situation import cross_validator
-from frischid.diagnosis.stepwise_selection import excluded, likeliest, own_parts, with_all
+from frischid.diagnosis.stepwise_selection import excluded, likeliest, likeliest_passing, own_parts, with_all
 from frischid.diagnosis.verdict import asks_for_explanation
 from frischid.diagnosis.weighted_fit import predictive_squares
 from frischid.effects import BASELINE, EFFECTS, Formula, JointCoupling, parse_effects
@@ -340,6 +341,22 @@ def test_two_couplings_of_the_same_joints_exclude_each_other():
     assert not excluded(of("joint_spring@joint1"), of("hysteresis@joint1"))
 
 
+@pytest.mark.parametrize(("known", "tried"), [("viscous, coulomb, offset", 0), ("viscous, coulomb", 1)])
+def test_what_differs_from_the_model_at_standstill_alone_is_no_candidate(known, tried):
+    """A gantry stood still for a tenth of a second twice; direction-dependent dry friction had a probability of 0.99.
+
+    Beside an offset this friction differs from the model only where dry friction is undetermined.
+    """
+    log = log_of(1)
+    model = identify(ARM, [log], effects=parse_effects(known), recursion="none").model
+    asymmetric = parse_effects("asymmetric_coulomb@joint2")
+    base = CrossValidator.of(model, [log], weak_urdf_prior(model))
+    assert [len(c) for c in usable_candidates(base, [asymmetric])] == [tried]
+    said = [note for note in diagnose(model, [log], effects=["asymmetric_coulomb"]).notes if "not tried" in note]
+    assert len(said) == 1 - tried
+    assert all("as offset, and at standstill" in note for note in said)
+
+
 def test_a_coupling_needs_the_torques_of_both_joints():
     """Without one of them, the other's torque only follows a motion that is not its own."""
     robot = Robot.load("planar2")
@@ -446,3 +463,16 @@ def test_places_of_one_effect_count_together_against_an_effect_of_all_their_join
     )
     assert likeliest(base, fresh(1.1 * together)) is wide
     assert likeliest(base, fresh(0.4)) is one
+
+
+def test_what_does_not_pass_takes_the_place_of_no_other(monkeypatch):
+    """A SCARA warmed on one joint, and a few reversals of another joint were worse: these had taken the place."""
+    base, (one, two, third) = imitators()
+    found = [(c, c) for c in sorted((one, two, third), key=lambda c: -c.explained)]
+    (large, _), (small, _), (third, _) = found
+    for refused, expected in (((), large), ((large,), small), ((large, small), third)):
+        names = [c.effect for c in refused]
+        monkeypatch.setattr(stepwise_selection, "passes", lambda v, x, tried, names=names: x.effect not in names)
+        assert likeliest_passing(base, found, third, 3) is expected
+    monkeypatch.setattr(stepwise_selection, "passes", lambda v, x, tried: False)
+    assert likeliest_passing(base, found[:2], third, 3) is None

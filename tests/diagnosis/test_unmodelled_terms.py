@@ -1,4 +1,4 @@
-"""A torque outside the catalogue on one joint, beside an effect of the catalogue on another."""
+"""Torques outside the catalogue: beside an effect on another joint, and in place of an effect that resembles them."""
 
 from dataclasses import replace
 
@@ -45,3 +45,44 @@ def test_the_joint_with_the_largest_error_is_asked_too(strange):
     assert said in found.notes
     assert found.findings[0].to_dict()["withheld"] == "", "a verdict is not withheld"
     assert not sentence_of(found.findings, found.probabilities, PLANAR2), "nothing is left to tell apart"
+
+
+def rubbing(friction) -> fr.Diagnosis:
+    """Diagnosis of an arm whose first joint has more dry friction: a function of angle and load, N·m."""
+    logs = []
+    for seed in (1, 2):
+        log = fr.simulate(
+            PLANAR2,
+            fr.random_fourier(PLANAR2, 25.0, seed=seed, scale=0.8),
+            rate=100.0,
+            effects=fr.BASELINE,
+            parameters=DRY,
+            noise=fr.Noise(q=1e-6, tau=0.01),
+            seed=seed,
+            name=f"log {seed}",
+        )
+        tau = np.array(log.tau)
+        tau[:, 0] += friction(log.q[:, 0], np.abs(tau[:, 0])) * np.sign(log.v[:, 0])
+        logs.append(replace(log, tau=tau))
+    return fr.diagnose(fr.identify(PLANAR2, logs, recursion="none").model, logs)
+
+
+def test_a_bearing_worn_at_one_angle_is_not_called_friction_that_grows_with_the_load():
+    """The arm hangs at the worn angle, where gravity's load is zero, so both are functions of the angle."""
+    found = rubbing(lambda q, load: 4.0 * np.exp(-((q / 0.25) ** 2) / 2))
+    assert found.verdict == "unknown"
+    assert found.probabilities["outside"] > 0.9
+    said = (
+        "dry friction that changes with q1 explains far more than load_friction does, so load_friction is not the cause"
+    )
+    assert f"on joint1 {said}" in found.notes
+
+
+@pytest.mark.parametrize(
+    ("friction", "name"),
+    [(lambda q, load: 0.08 * load, "load_friction"), (lambda q, load: 1.5 * q, "position_friction")],
+)
+def test_friction_that_grows_with_load_or_angle_keeps_its_name(friction, name):
+    found = rubbing(friction)
+    assert (found.verdict, found.findings[0].effect) == ("effect", name)
+    assert found.probabilities[name] > 0.9
