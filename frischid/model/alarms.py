@@ -132,6 +132,7 @@ class Alarm:
 
 
 FAULTY_LOG = "faulty-log"
+LEFT_OPEN = "log-leaves-open"
 CAUSES = (FAULTY_LOG, "log-too-short")
 """Alarms of the logs themselves: whatever else is wrong may follow from them, so they come first."""
 
@@ -156,7 +157,7 @@ def undetermined(disagreement: Mapping[str, float], criteria: AlarmCriteria) -> 
     where = tuple(n for n, x in disagreement.items() if x > criteria.disagreement)
     return [
         Alarm(
-            "log-leaves-open",
+            LEFT_OPEN,
             "severe",
             f"The logs do not determine the model: on the same motion at {criteria.faster:g} times the speed, a fit "
             f"without the URDF and the fit with the URDF differ by {percent(middle)} of the torque's standard "

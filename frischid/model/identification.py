@@ -26,7 +26,7 @@ from frischid.estimators.frisch import Box, Simplex
 from frischid.logs.given import Logs, as_logs
 from frischid.logs.mapping import MappingLike
 from frischid.logs.summary import Data
-from frischid.model.alarms import Alarm
+from frischid.model.alarms import LEFT_OPEN, Alarm
 from frischid.model.amperes import JointCurrents, in_amperes
 from frischid.model.comparison import Comparison, compare
 from frischid.model.headline import Headline, from_fit
@@ -44,6 +44,7 @@ from frischid.model.log_data import Journal, LogData
 from frischid.model.log_examination import check_robot
 from frischid.model.model import Model
 from frischid.model.own_logs import log_entry
+from frischid.model.speed_range import SpeedRange, speed_range
 from frischid.model.torque_lag import TorqueLag, described, refused
 from frischid.regression.base_parameters import Reduction
 from frischid.robot.robot import Robot
@@ -84,6 +85,8 @@ class Identification(Shown):
         Of the fit, and of the model on the validation logs; most severe first.
     torque_lag : TorqueLag or None
         Lag of the torque behind the motion; None where the model has a delay of its own, or the logs are too short.
+    speed_range : SpeedRange or None
+        Speeds up to which the error is usual; None without a prior, and where the logs leave parameters open.
 
     Examples
     --------
@@ -111,6 +114,7 @@ class Identification(Shown):
     alarms: tuple[Alarm, ...]
     amperes: tuple[JointCurrents, ...] = ()
     torque_lag: TorqueLag | None = None
+    speed_range: SpeedRange | None = None
 
     def __repr__(self) -> str:
         error = "" if self.headline is None else f", NRMSE {self.headline.nrmse:.4f} {self.headline.where}"
@@ -200,7 +204,8 @@ def identify(
         settings = replace(settings, torque_lag=lag.lag)
         again = measured(_bounded(robot, logs, valid, effects, settings, Journal(progress)))
         found = again if _left_out(again) < _left_out(found) else _as_recorded(found, lag)
-    return assess(found)
+    motions = found.bounds.fit.problem.data.some_motions
+    return assess(found, speed_range(found.model, motions, _left_out(found), settings.alarm_criteria))
 
 
 def _left_out(found: Measured) -> float:
@@ -233,7 +238,7 @@ def _bounded(
     return bound_parameters(fit_parameters(set_prior(problem)))
 
 
-def assess(found: Measured) -> Identification:
+def assess(found: Measured, speeds: SpeedRange | None = None) -> Identification:
     """Stage 6: the model, its error on stretches and logs that were left out, and its history."""
     bounds, model, there, lag = found.bounds, found.model, found.there, found.lag
     fit, problem, data = bounds.fit, bounds.fit.problem, bounds.fit.problem.data
@@ -242,6 +247,7 @@ def assess(found: Measured) -> Identification:
     pairs = zip(data.joints, _nrmse(found), strict=True)
     cross_validation = {name: x for name, x in pairs if name not in still}
     before = fit_alarms(fit, model, still, cross_validation, there)
+    speeds = None if any(alarm.id == LEFT_OPEN for alarm in before) else speeds
     own = None if there is None else from_fit(there, dict(zip(data.joints, np.sqrt(variance), strict=True)), before)
     event = _event(data, problem.effects, cross_validation, own)
     comparison = compare(replace(model, history=(event,)), data.valid) if data.valid else None
@@ -259,6 +265,7 @@ def assess(found: Measured) -> Identification:
         event |= {"test": headline.to_dict(), "test_logs": [log_entry(log) for log in data.valid]}
     event |= {"notes": list(notes), "warnings": list(warnings)} | ({"unpredicted": bad} if bad else {})
     event |= {} if lag is None else {"torque_lag": lag.to_dict()}
+    event |= {} if speeds is None else {"speed_range": speeds._asdict()}
     if model.prior is not None:
         kept = model.prior.to_dict()
         event["prior"] = {key: kept[key] for key in ("kind", "rows", "scales")}
@@ -278,6 +285,7 @@ def assess(found: Measured) -> Identification:
         alarms=before if headline is None else headline.alarms,
         amperes=in_amperes(model, data.motions),
         torque_lag=lag,
+        speed_range=speeds,
     )
 
 

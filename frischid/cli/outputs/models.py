@@ -67,6 +67,13 @@ class RecursionOutput(Output):
     emptied: EmptiedOutput | None
 
 
+class SpeedRangeOutput(Output):
+    """Multiples of the fitted logs' speed: at which the error is expected to double, and that the URDF allows."""
+
+    doubles: float
+    allowed: float
+
+
 class IdentifyOutput(Output):
     """A model that was identified; the model file holds the rest."""
 
@@ -91,6 +98,7 @@ class IdentifyOutput(Output):
     comparison: ComparisonOutput | None
     alarms: list[AlarmOutput]
     torque_lag: TorqueLagOutput | None
+    speed_range: SpeedRangeOutput | None
     notes: list[str]
     warnings: list[str]
 
@@ -190,6 +198,7 @@ class HistoryStepOutput(Output):
     situation: Situation | UnsetType = UNSET
     sentence: str | UnsetType = UNSET
     torque_lag: TorqueLagOutput | UnsetType = UNSET
+    speed_range: SpeedRangeOutput | UnsetType = UNSET
     prior: StepPriorOutput | UnsetType = UNSET
     criteria: StepCriteriaOutput | UnsetType = UNSET
     robots: int | UnsetType = UNSET

@@ -46,7 +46,8 @@ def identification(found: Identification, output: str | None, *, whole: bool = F
     model = found.model
     parts: list[Any] = [] if found.headline is None else [headline_line(found.headline)]
     parts += error_tables(found.comparison) if found.comparison else []
-    parts += [cross_validation(found), *warning_lines(_brief(found, found.warnings)), summary(found)]
+    speeds = [] if found.speed_range is None else [str(found.speed_range)]
+    parts += [cross_validation(found), *speeds, *warning_lines(_brief(found, found.warnings)), summary(found)]
     parts += [f"  {escape(n)}" for n in _brief(found, found.notes)]
     if model.controller is not None:
         parts += [drives(model), *warning_lines(left_open(model)), f"  {MEANING}"]
@@ -169,6 +170,7 @@ def identified(found: Identification) -> dict[str, Any]:
         "comparison": None if found.comparison is None else found.comparison.to_dict(),
         "alarms": [alarm.to_dict() for alarm in found.alarms],
         "torque_lag": None if found.torque_lag is None else found.torque_lag.to_dict(),
+        "speed_range": None if found.speed_range is None else found.speed_range._asdict(),
         "notes": list(found.notes),
         "warnings": list(found.warnings),
     }

@@ -21,6 +21,7 @@ from frischid.model.events import selection_errors
 from frischid.model.grade import between
 from frischid.model.headline import Headline, headline_of
 from frischid.model.own_logs import paths_of
+from frischid.model.speed_range import SpeedRange
 from frischid.reports.commands import (
     alone,
     check_command,
@@ -42,6 +43,7 @@ def content(study: Study, model_path: str) -> dict[str, Any]:
     """Values for the template."""
     return {
         "error": study.headline,
+        "speeds": _speeds(study),
         "ladder": _ladder(study),
         "forecast": study.proposed is not None,
         "worst_condition": figures.failure.worst(study.comparison, above=study.comparison.nrmse),
@@ -54,6 +56,12 @@ def content(study: Study, model_path: str) -> dict[str, Any]:
         "unfitted": len(study.model.joints) < len(study.model.robot.joints),
         "colours": [{"colour": colour, "text": word} for colour, word in zip(STEPS, WORDS, strict=True)],
     }
+
+
+def _speeds(study: Study) -> str:
+    """Up to which speeds the error is usual; empty for a model with further steps, of which nobody knows that."""
+    known = study.model.history[-1].get("speed_range") if study.model.history else None
+    return f"On the fitted logs' path, {SpeedRange(**known)}." if known else ""
 
 
 def _picture(study: Study) -> str:
