@@ -11,7 +11,7 @@ import numpy as np
 from markupsafe import Markup
 
 from frischid import figures
-from frischid.core.text import listed
+from frischid.core.text import listed, sentence
 from frischid.diagnosis.clause import missing
 from frischid.diagnosis.model_notes import TOUCHED, longest_untouched
 from frischid.diagnosis.result import Diagnosis
@@ -61,7 +61,7 @@ def content(study: Study, model_path: str) -> dict[str, Any]:
 def _speeds(study: Study) -> str:
     """Up to which speeds the error is usual; empty for a model with further steps, of which nobody knows that."""
     known = study.model.history[-1].get("speed_range") if study.model.history else None
-    return f"On the fitted logs' path, {SpeedRange(**known)}." if known else ""
+    return f"{sentence(str(SpeedRange(**known)))}." if known else ""
 
 
 def _picture(study: Study) -> str:
