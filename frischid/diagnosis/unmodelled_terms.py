@@ -77,7 +77,7 @@ def unmodelled_term(ranking: Ranking, floor: Array) -> UnmodelledTerm | None:
         if found is not None:
             return found
     if worst != first and after[worst] - noise[worst] > before[first] - after[first]:
-        return _term_on(full, worst, noise[worst] + left[worst], True)
+        return _term_on(full, worst, noise[worst] + left[worst], True, worn=False)
     return None
 
 
