@@ -197,12 +197,23 @@ def suspect_of(findings: Sequence[Finding], probabilities: Mapping[str, float]) 
 
 
 def suspected(findings: Sequence[Finding], probabilities: Mapping[str, float]) -> str:
-    """A sentence on the most probable cause where this is an effect that is not called missing; empty otherwise.
+    """A sentence on the most probable cause where this is a cause that is not called missing; empty otherwise.
 
-    The ranking shows this probability beside the verdict that no effect is missing. Both are right: this effect is the
-    most probable of the causes, and the logs do not show that it acts.
+    The table shows this probability beside the verdict that no effect is missing. Both are right: this cause is the
+    most probable one, and the logs do not show that it acts.
+
+    Examples
+    --------
+    >>> suspected((), {"none": 0.04, "outside": 0.95, "contact": 0.01})
+    '. The most probable cause is something outside the catalogue (95 %), but these logs do not show it clearly'
+    >>> suspected((), {"none": 0.8, "outside": 0.2})
+    ''
     """
     finding = suspect_of(findings, probabilities)
     if finding is None:
-        return ""
+        name = max(probabilities, key=probabilities.__getitem__, default="")
+        if name not in {"outside", "contact"}:
+            return ""
+        told = f"{IN_WORDS[name]} ({percent(probabilities[name])})"
+        return f". The most probable cause is {told}, but these logs do not show it clearly"
     return f". The most probable effect is {finding.title} ({percent(finding.probability)}), but {finding.refused}"

@@ -127,6 +127,8 @@ def test_a_healthy_robot_raises_no_alarm():
     assert noisy.remainder.endswith("the model's NRMSE is 0.017, that of the sensor noise alone 0.012")
     silent = replace(found, error=0.01, headline=replace(there, nrmse=0.002, noise_floor=3e-5), probabilities={})
     assert silent.remainder.endswith("NRMSE is 0.002, that of the sensor noise alone 3e-05")  # not: 66 times the noise
+    outside = replace(noisy, probabilities={**found.probabilities, "outside": 0.95, "none": 0.02}).remainder
+    assert "0.012. The most probable cause is something outside the catalogue (95 %), but these logs" in outside
 
 
 def test_no_missing_effect_beside_a_probable_one_is_explained_on_every_surface():
