@@ -194,7 +194,7 @@ def _robots(
 def _faulty(faults: Sequence[str]) -> tuple[Alarm, ...]:
     """The alarm that logs have faults, which change the shared parameters, and so the robots that differ from them."""
     remedy = "`frischid check ROBOT LOG` says what to do. Undo the faults, or leave these logs out, and start again."
-    return tuple(replace(alarm, remedy=remedy) for alarm in faulty_logs(faults))
+    return tuple(faulty_logs(faults, remedy=remedy))
 
 
 def _refuse_skipped(skipped: Sequence[Skipped], strict: bool, logs: int) -> None:

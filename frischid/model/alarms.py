@@ -205,8 +205,27 @@ def too_short(seconds: float, criteria: AlarmCriteria) -> list[Alarm]:
     ]
 
 
-def faulty_logs(faults: Sequence[str]) -> list[Alarm]:
-    """The logs have faults that make a wrong model: a wrong sign, a wrong unit, exchanged joints."""
+WHAT_TO_UNDO = (
+    "`frischid check ROBOT LOG -o map.toml` says what to do, and writes the mapping that undoes the fault, if one "
+    "does; "
+)
+"""First part of the remedy of a faulty log."""
+
+
+def faulty_logs(
+    faults: Sequence[str],
+    harm: str = "makes a wrong model",
+    remedy: str = f"{WHAT_TO_UNDO}identify again with --map map.toml.",
+) -> list[Alarm]:
+    """The logs have faults: a wrong sign, a wrong unit, exchanged joints.
+
+    Parameters
+    ----------
+    faults : sequence of str
+    harm : str
+        What such a fault does.
+    remedy : str
+    """
     if not faults:
         return []
     more = f" (and {len(faults) - 1} more)" if len(faults) > 1 else ""
@@ -214,9 +233,8 @@ def faulty_logs(faults: Sequence[str]) -> list[Alarm]:
         Alarm(
             FAULTY_LOG,
             "severe",
-            f"A log has a fault that makes a wrong model: {faults[0]}{more}.",
-            "`frischid check ROBOT LOG -o map.toml` says what to do, and writes the mapping that undoes the fault, if "
-            "one does; identify again with --map map.toml.",
+            f"A log has a fault that {harm}: {faults[0]}{more}.",
+            remedy,
             (),
             float(len(faults)),
             0.0,

@@ -15,7 +15,7 @@ from frischid.checks import LogIssue, LogReport
 from frischid.errors import InputError
 from frischid.logs.driven import driven
 from frischid.logs.summary import Data
-from frischid.model.alarms import FAULTY_LOG, Alarm
+from frischid.model.alarms import WHAT_TO_UNDO, Alarm, faulty_logs
 from frischid.model.log_examination import report_issues
 from frischid.model.model import Model
 
@@ -75,18 +75,4 @@ def faulty_new_logs(model: Model, logs: Sequence[Data], unlike: Collection[str])
     found = [
         f"{r.source}: {x.short}" for r in reports for x in faults_of(r) if not x.where or set(x.where) & set(unlike)
     ]
-    if not found:
-        return []
-    more = f" (and {len(found) - 1} more)" if len(found) > 1 else ""
-    return [
-        Alarm(
-            FAULTY_LOG,
-            "severe",
-            f"A log has a fault that causes errors: {found[0]}{more}.",
-            "`frischid check ROBOT LOG -o map.toml` says what to do, and writes the mapping that undoes the fault, if "
-            "one does; give it with --map map.toml.",
-            (),
-            float(len(found)),
-            0.0,
-        )
-    ]
+    return faulty_logs(found, "causes errors", f"{WHAT_TO_UNDO}give it with --map map.toml.")

@@ -16,7 +16,7 @@ from frischid.core.types import Array
 from frischid.effects import Effect
 from frischid.errors import InputError
 from frischid.motions.limits import STATE_STEP
-from frischid.motions.optimality import UNSMOOTHED, Criterion, inflation
+from frischid.motions.optimality import UNSMOOTHED, Criterion
 from frischid.regression.regressor import Regressor
 from frischid.regression.structure import structure
 from frischid.robot.robot import Robot
@@ -65,14 +65,9 @@ class Cost:
         """Cost of q, q̇, q̈ at the samples, (3, N, J)."""
         return self.criterion(self._full(states)[:, :, self.base], exponent)[0]
 
-    def along(self, t: Array, states: Array) -> float:
-        """Cost of q, q̇, q̈ at other times t, (3, M, J), of a criterion without displacements."""
-        Y = self.regressor(t, *states)
-        return self.criterion(Y[None, :, self.base])[0]
-
-    def inflation(self, t: Array, states: Array) -> Array:
-        """Inflation of each base parameter's standard error at other times t, (3, M, J) states, shape (p,)."""
-        return inflation(self.regressor(t, *states)[:, self.base])
+    def base_regressor(self, t: Array, states: Array) -> Array:
+        """Base regressor of q, q̇, q̈ at other times t, (3, M, J) states, shape (M, p, J)."""
+        return np.asarray(self.regressor(t, *states)[:, self.base])
 
     def gradient(self, states: Array, exponent: float) -> tuple[float, Array]:
         """Cost, and its derivative with respect to the states, (3, N, J)."""

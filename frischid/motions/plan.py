@@ -37,7 +37,7 @@ from frischid.motions.collision import Clearance
 from frischid.motions.limits import CHECK_RATE, Excess, MotionLimits, Violation, violations
 from frischid.motions.motion_cost import Cost
 from frischid.motions.motion_request import check_rate, check_runs
-from frischid.motions.optimality import criterion_of
+from frischid.motions.optimality import criterion_of, inflation
 from frischid.motions.optimize import ATTEMPTS, Progress, Search
 from frischid.motions.plan_options import PlanOptions
 from frischid.motions.trajectory import ClosedForm, Family
@@ -238,17 +238,17 @@ def _searched(seed: int, task: _Task, progress: Progress | None = None) -> Plan:
         X = search.run(seed)
     motion = shape.build(X)
     sampled = np.linspace(0.0, search.duration, int(np.ceil(CHECK_RATE * search.duration)) + 1)
-    states = np.stack(motion(sampled))
-    inflation = dict(zip(search.cost.names, search.cost.inflation(sampled, states).tolist(), strict=True))
+    W = search.cost.base_regressor(sampled, np.stack(motion(sampled)))
+    inflated = dict(zip(search.cost.names, inflation(W).tolist(), strict=True))
     return Plan(
         joints=task.robot.joints,
         trajectory=motion,
         criterion=search.cost.criterion.name,
-        cost=_final_cost(search, sampled, states, X),
+        cost=_final_cost(search, W, X),
         history=np.array(search.history).reshape(-1, 2),
         evaluations=search.cost.evaluations,
         seconds=0.0,
-        inflation=dict(sorted(inflation.items(), key=lambda item: -item[1])),
+        inflation=dict(sorted(inflated.items(), key=lambda item: -item[1])),
         violations=tuple(violations(task.robot, motion, task.limits, task.clearance)),
         notes=(*task.clearance.notes, *_of_torques(task.robot)),
     )
@@ -260,11 +260,11 @@ def _of_torques(robot: Robot) -> list[str]:
     return [f"the URDF has {what}: {said}"] if what else []
 
 
-def _final_cost(search: Search, t: Array, states: Array, X: Array) -> float:
-    """Cost of the motion with coefficients X as a log will hold it: its states at the times t."""
+def _final_cost(search: Search, W: Array, X: Array) -> float:
+    """Cost of the motion with coefficients X as a log will hold it: W is its base regressor, (M, p, J)."""
     if search.bounds == "points" or search.cost.criterion.of_points:
         return search.cost(search.at_samples @ X)
-    return search.cost.along(t, states)
+    return search.cost.criterion(W[None])[0]
 
 
 def _share(progress: Progress, number: int, starts: int) -> Progress:
