@@ -57,8 +57,9 @@ from frischid.logs.cutoff_choice import LogSpectra
 from frischid.logs.filters import LowPass
 from frischid.logs.mapping import LogMap
 from frischid.logs.summary import lock_absent
-from frischid.model.alarms import Alarm, faulty_logs
+from frischid.model.alarms import Alarm
 from frischid.model.identify_options import PRIORS
+from frischid.model.log_faults import faulty_logs
 from frischid.model.model import Model
 from frischid.regression.base_parameters import Reduction
 from frischid.regression.moments import Gram

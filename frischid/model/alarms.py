@@ -205,43 +205,6 @@ def too_short(seconds: float, criteria: AlarmCriteria) -> list[Alarm]:
     ]
 
 
-WHAT_TO_UNDO = (
-    "`frischid check ROBOT LOG -o map.toml` says what to do, and writes the mapping that undoes the fault, if one "
-    "does; "
-)
-"""First part of the remedy of a faulty log."""
-
-
-def faulty_logs(
-    faults: Sequence[str],
-    harm: str = "makes a wrong model",
-    remedy: str = f"{WHAT_TO_UNDO}identify again with --map map.toml.",
-) -> list[Alarm]:
-    """The logs have faults: a wrong sign, a wrong unit, exchanged joints.
-
-    Parameters
-    ----------
-    faults : sequence of str
-    harm : str
-        What such a fault does.
-    remedy : str
-    """
-    if not faults:
-        return []
-    more = f" (and {len(faults) - 1} more)" if len(faults) > 1 else ""
-    return [
-        Alarm(
-            FAULTY_LOG,
-            "severe",
-            f"A log has a fault that {harm}: {faults[0]}{more}.",
-            remedy,
-            (),
-            float(len(faults)),
-            0.0,
-        )
-    ]
-
-
 def noisy_cutoff(spectra: LogSpectra, cutoff: float | None, criteria: AlarmCriteria) -> list[Alarm]:
     """The filter lets position noise through that is as large as the acceleration.
 

@@ -26,7 +26,6 @@ from frischid.model.alarms import (
     AlarmCriteria,
     by_severity,
     doubtful_gains,
-    faulty_logs,
     gains_from_masses,
     never_moving,
     noisy_cutoff,
@@ -37,6 +36,7 @@ from frischid.model.comparison import Comparison
 from frischid.model.fit_record import LEVELS, FitRecord
 from frischid.model.identification_stages import Fit, Problem
 from frischid.model.joint_inertia import least_inertia
+from frischid.model.log_faults import faulty_logs
 from frischid.model.model import Model
 from frischid.model.physical_alarms import as_one, indefinite_mass, wrong_signs
 from frischid.regression.block import Samples

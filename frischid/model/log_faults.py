@@ -15,9 +15,15 @@ from frischid.checks import LogIssue, LogReport
 from frischid.errors import InputError
 from frischid.logs.driven import driven
 from frischid.logs.summary import Data
-from frischid.model.alarms import WHAT_TO_UNDO, Alarm, faulty_logs
+from frischid.model.alarms import FAULTY_LOG, Alarm
 from frischid.model.log_examination import report_issues
 from frischid.model.model import Model
+
+WHAT_TO_UNDO = (
+    "`frischid check ROBOT LOG -o map.toml` says what to do, and writes the mapping that undoes the fault, if one "
+    "does; "
+)
+"""First part of the remedy of a faulty log."""
 
 
 def faults_of(report: LogReport) -> list[LogIssue]:
@@ -40,6 +46,36 @@ def faults_of(report: LogReport) -> list[LogIssue]:
     """
     undone = {joint for joint, *_ in report.fix}
     return [x for x in report.issues if x.blocks or (x.where and undone.issuperset(x.where))]
+
+
+def faulty_logs(
+    faults: Sequence[str],
+    harm: str = "makes a wrong model",
+    remedy: str = f"{WHAT_TO_UNDO}identify again with --map map.toml.",
+) -> list[Alarm]:
+    """The logs have faults: a wrong sign, a wrong unit, exchanged joints.
+
+    Parameters
+    ----------
+    faults : sequence of str
+    harm : str
+        What such a fault does.
+    remedy : str
+    """
+    if not faults:
+        return []
+    more = f" (and {len(faults) - 1} more)" if len(faults) > 1 else ""
+    return [
+        Alarm(
+            FAULTY_LOG,
+            "severe",
+            f"A log has a fault that {harm}: {faults[0]}{more}.",
+            remedy,
+            (),
+            float(len(faults)),
+            0.0,
+        )
+    ]
 
 
 def faulty_new_logs(model: Model, logs: Sequence[Data], unlike: Collection[str]) -> list[Alarm]:
