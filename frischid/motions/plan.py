@@ -22,11 +22,11 @@ from dataclasses import dataclass, replace
 from pathlib import Path
 
 import numpy as np
-from threadpoolctl import threadpool_limits
 
 from frischid.core.arguments import check_kind
 from frischid.core.parallel import Workers
 from frischid.core.shown import Shown
+from frischid.core.threads import one_thread
 from frischid.core.types import Array
 from frischid.effects import BASELINE, Effect
 from frischid.effects.base import check_effects
@@ -234,7 +234,7 @@ def _searched(seed: int, task: _Task, progress: Progress | None = None) -> Plan:
         progress=progress,
     )
     # Small products are slower on several threads.
-    with threadpool_limits(limits=1, user_api="blas"):
+    with one_thread():
         X = search.run(seed)
     motion = shape.build(X)
     sampled = np.linspace(0.0, search.duration, int(np.ceil(CHECK_RATE * search.duration)) + 1)

@@ -22,8 +22,8 @@ from typing import NamedTuple
 
 import numpy as np
 from numpy.typing import NDArray
-from threadpoolctl import threadpool_limits
 
+from frischid.core.threads import one_thread
 from frischid.core.types import Array
 from frischid.estimators.bbrf import bbrf
 from frischid.estimators.bbrf_windows import sample_extents
@@ -130,7 +130,7 @@ def study(
     """
     kept: list[StudyRun] = []
     left: list[StudyRun] = []
-    with threadpool_limits(limits=1):
+    with one_thread():
         for k in range(runs * _TRIES):
             run = _run(motion, np.random.default_rng([seed, k]), as_published)
             (left if as_published and run.discarded else kept).append(run)
