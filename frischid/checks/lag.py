@@ -136,7 +136,7 @@ class _Row:
 def _nominal_row(sketch: Sketch, j: int) -> _Row:
     """The URDF's torque and friction; with friction of either sign allowed, one factorisation serves all delays."""
     part, use = sketch.longest, _inner(sketch) & sketch.used[sketch.longest, j]
-    return _Row(j, sketch.nominal[part, j], use, np.linalg.qr(sketch.friction(j)[part][use][:, :4])[0])
+    return _Row(j, sketch.nominal[part, j], use, np.linalg.qr(sketch.motion.friction(j)[part][use][:, :4])[0])
 
 
 def _late_friction_row(sketch: Sketch, row: _Row) -> _Row:
@@ -149,7 +149,7 @@ def _late_friction_row(sketch: Sketch, row: _Row) -> _Row:
 def _free_row(sketch: Sketch, j: int, columns: Array) -> _Row:
     """Friction and every parameter of every link, (M, C): an orthonormal basis of what they can explain."""
     use = _inner(sketch) & sketch.used[sketch.longest, j]
-    X = np.column_stack([columns[use], sketch.friction(j)[sketch.longest][use][:, :4]])
+    X = np.column_stack([columns[use], sketch.motion.friction(j)[sketch.longest][use][:, :4]])
     X = X / np.maximum(np.linalg.norm(X, axis=0), 1e-300)
     left, size, _ = np.linalg.svd(X, full_matrices=False)
     return _Row(j, np.zeros(len(use)), use, left[:, size > RANK_TOLERANCE * size.max(initial=0.0)])

@@ -29,14 +29,12 @@ _NOISE_TURNS = 4  # of the error and the parameters, each from the other
 
 def evidence_of_other_links(sketch: Sketch) -> float:
     """Log marginal likelihood of the torques, comparable with the score of a hypothesis (`explanation`)."""
-    robot, weight = sketch.robot, RowFits(sketch).weight
-    Y = np.empty((len(sketch), len(robot.columns), len(robot.joints)))
-    robot.regressor(sketch.q, sketch.v, sketch.a, Y)
+    Y, weight = sketch.motion.regressor(), RowFits(sketch).weight
     size, moments = _sizes(sketch), []
     for k, j in enumerate(sketch.rows):
         use = sketch.used[:, j]
         y = np.column_stack([Y[use, :, j], sketch.tau[use, j]]) / sketch.spread[k]
-        Q, _ = np.linalg.qr(sketch.friction(j)[use][:, :4])
+        Q, _ = np.linalg.qr(sketch.motion.friction(j)[use][:, :4])
         y -= Q @ (Q.T @ y)
         moments.append(y.T @ y / max(int(use.sum()), 1))
     return max(_evidence(np.array(moments), weight, mass * size, sketch.criteria.urdf_error) for mass in MASSES)

@@ -83,11 +83,7 @@ def last_joint(robot: Robot) -> str:
 
 def last_link(sketch: Sketch) -> Array:
     """Columns of the parameters of the last link, (M, P, J); P is below 10 where a robot has no full body there."""
-    robot, joint = sketch.robot, last_joint(sketch.robot)
-    last = [i for i, column in enumerate(robot.columns) if column.joint == joint]
-    Y = np.empty((len(sketch), len(robot.columns), len(robot.joints)))
-    robot.regressor(sketch.q, sketch.v, sketch.a, Y)
-    return Y[:, last]
+    return sketch.motion.body(last_joint(sketch.robot))
 
 
 def payload_errors(sketch: Sketch) -> Body:
@@ -202,12 +198,10 @@ def evidence(sketch: Sketch, noise: Array, weight: Array, spread: float, cap: fl
 def _link_torques(sketch: Sketch) -> Array:
     """Torque of each link of the URDF, (M, J, L)."""
     robot = sketch.robot
-    Y = np.empty((len(sketch), len(robot.columns), len(robot.joints)))
-    robot.regressor(sketch.q, sketch.v, sketch.a, Y)
     nominal = dict(zip(robot.all_names, robot.nominal, strict=True))
     values = np.array([nominal[c.name] for c in robot.columns])
     own = np.array([[c.joint == name for c in robot.columns] for name in robot.bodies], dtype=float)
-    return np.asarray(np.einsum("ncj,lc->njl", Y, own * values))
+    return np.asarray(np.einsum("ncj,lc->njl", sketch.motion.regressor(), own * values))
 
 
 def _scales(sketch: Sketch, links: Array, weight: Array, spread: float) -> tuple[Array, float]:
@@ -217,7 +211,7 @@ def _scales(sketch: Sketch, links: Array, weight: Array, spread: float) -> tuple
     for k, j in enumerate(sketch.rows):
         use = sketch.used[:, j]
         y = np.column_stack([links[use, j], sketch.tau[use, j] - sketch.nominal[use, j]]) / sketch.spread[k]
-        Q, _ = np.linalg.qr(sketch.friction(j)[use][:, :FRICTION_NUMBERS])
+        Q, _ = np.linalg.qr(sketch.motion.friction(j)[use][:, :FRICTION_NUMBERS])
         y -= Q @ (Q.T @ y)
         H += weight[k] * y[:, :L].T @ y[:, :L] / len(y)
         g += weight[k] * y[:, :L].T @ y[:, L] / len(y)

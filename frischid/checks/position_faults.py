@@ -130,7 +130,7 @@ def moved(sketch: Sketch, factor: Array | None, order: NDArray[np.intp] | None) 
     by = np.ones(J) if factor is None else factor
     changes = {name: getattr(sketch, name)[:, take] * by for name in ("q", "v", "a")}
     changes |= {"sign": sketch.sign[:, take] * np.sign(by), "used": sketch.used[:, take]}
-    return sketch.with_(**changes)
+    return sketch.moving(**changes)
 
 
 def _zeros(sketch: Sketch, j: int) -> Iterator[Moved]:
@@ -182,7 +182,7 @@ def _zeros(sketch: Sketch, j: int) -> Iterator[Moved]:
             discrete=fitted == 0,
             fix=((name, "offset", float(f"{delta:.6g}")),),
         )
-        shifted = replace(sketch, q=sketch.q + delta * unit, given_nominal=nominal(delta))
+        shifted = replace(sketch.moving(q=sketch.q + delta * unit), given_nominal=nominal(delta))
         yield Moved(shifted, fault)
 
 

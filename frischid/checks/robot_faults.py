@@ -21,8 +21,6 @@ from frischid.checks.position_faults import Moved
 from frischid.checks.row_fits import RowFits
 from frischid.checks.sketch import Sketch, shared_fit
 from frischid.core.types import Array
-from frischid.effects.state import SIGN_WIDTH
-from frischid.robot.robot import Robot
 
 SPHERE_STEPS = 3
 """Gauss-Newton steps of the direction of gravity; the first is within a degree."""
@@ -53,7 +51,7 @@ def shared_faults(fits: RowFits) -> Iterator[Moved]:
 
 def shared_errors(sketch: Sketch) -> Array:
     """NRMSE of each judged row, (R,), if any gravity and any body on the last link are fitted beside friction."""
-    force, last = gravity_torques(sketch), last_link(sketch)
+    force, last = sketch.motion.gravity_torques, last_link(sketch)
     columns = {int(j): np.column_stack([force[:, :, j].T, last[:, :, j]]) for j in sketch.rows}
     shared = columns[int(sketch.rows[0])].shape[1]
     fitted = shared_fit(sketch, columns, sketch.tau - sketch.nominal)[:shared]
@@ -69,7 +67,7 @@ def _mounting(sketch: Sketch, n: float) -> Iterator[Moved]:
     if not length:
         return
     turned = gravity_of(sketch)
-    other = Robot.from_dict({**robot.to_dict(), "gravity": turned.tolist()})
+    other = replace(robot, gravity=tuple(turned.tolist()))
     at = ", ".join(f"{x:.3g}" for x in np.round(turned, 2) + 0.0)
     angle = np.rad2deg(np.arccos(np.clip(turned @ np.asarray(robot.gravity) / length**2, -1, 1)))
     what = (
@@ -77,12 +75,10 @@ def _mounting(sketch: Sketch, n: float) -> Iterator[Moved]:
         "gravity the model explains the torques"
     )
     advice = "state how the base is mounted (--base-rpy or --gravity)"
-    more = np.asarray(
-        other.inverse_dynamics(sketch.q, sketch.v, sketch.a) - robot.inverse_dynamics(sketch.q, sketch.v, sketch.a)
-    )
+    more = np.tensordot(turned - np.asarray(robot.gravity), sketch.motion.gravity_torques, axes=1)
     price = cost(sketch.criteria, "mounting", 1, 2, n)
     fault = Fault("mounting", what, (), advice, price, False, False, torque=more)
-    yield Moved(replace(sketch, robot=other, given_nominal=sketch.nominal + more), fault)
+    yield Moved(replace(sketch.moving(robot=other), given_nominal=sketch.nominal + more), fault)
 
 
 def _compensated(sketch: Sketch) -> Iterator[Moved]:
@@ -90,9 +86,7 @@ def _compensated(sketch: Sketch) -> Iterator[Moved]:
     robot = sketch.robot
     if not np.any(robot.gravity):
         return
-    other = Robot.from_dict({**robot.to_dict(), "gravity": [0.0, 0.0, 0.0]})
-    zero = np.zeros_like(sketch.q)
-    holding = np.asarray(robot.inverse_dynamics(sketch.q, zero, zero))
+    holding = np.tensordot(np.asarray(robot.gravity), sketch.motion.gravity_torques, axes=1)
     what = (
         "the torques {lack|may lack} what holds the arm against gravity: without gravity the model explains them; "
         "commanded torques of a controller that compensates gravity are such"
@@ -102,7 +96,10 @@ def _compensated(sketch: Sketch) -> Iterator[Moved]:
         "identify with --gravity 0 0 0: the model then has no gravity"
     )
     fault = Fault("no gravity", what, (), advice, cost(sketch.criteria, "no gravity"), torque=-holding)
-    yield Moved(replace(sketch, robot=other, given_nominal=sketch.nominal - holding), fault)
+    yield Moved(
+        replace(sketch.moving(robot=replace(robot, gravity=(0.0, 0.0, 0.0))), given_nominal=sketch.nominal - holding),
+        fault,
+    )
 
 
 def gravity_of(sketch: Sketch) -> Array:
@@ -112,7 +109,7 @@ def gravity_of(sketch: Sketch) -> Array:
     right angles to it (Gauss-Newton on the sphere): masses that are wrong must not pass for another length.
     """
     few = sketch.thinned(sketch.criteria.few_samples)
-    force = gravity_torques(few)
+    force = few.motion.gravity_torques
     own, length = np.asarray(few.robot.gravity), float(np.linalg.norm(few.robot.gravity))
     rest = few.tau - (few.nominal - np.einsum("i,inj->nj", own, force))
     gravity = shared_fit(few, {int(j): force[:, :, j].T for j in few.rows}, rest)[:3]
@@ -124,15 +121,6 @@ def gravity_of(sketch: Sketch) -> Array:
     return np.asarray(gravity * length / max(float(np.linalg.norm(gravity)), 1e-12))
 
 
-def gravity_torques(sketch: Sketch) -> Array:
-    """Torque of a gravity of 1 m/s² along each axis of the base, (3, M, J)."""
-    zero, found = np.zeros_like(sketch.q), []
-    for axis in np.eye(3):
-        robot = Robot.from_dict({**sketch.robot.to_dict(), "gravity": axis.tolist()})
-        found.append(robot.inverse_dynamics(sketch.q, zero, zero))
-    return np.array(found)
-
-
 def _couplings(fits: RowFits) -> Iterator[Moved]:
     """A motor that turns with two neighbouring joints: its friction and inertia act on both."""
     sketch, n = fits.sketch, float(fits.weight.mean())
@@ -141,12 +129,8 @@ def _couplings(fits: RowFits) -> Iterator[Moved]:
         i, k = fits.rows[a], fits.rows[b]
         extra = np.zeros_like(sketch.tau)
         for row, other in ((a, k), (b, i)):
-            v, w = sketch.v[:, fits.rows[row]], sketch.v[:, other]
-            both = [np.tanh((v + w) / SIGN_WIDTH), np.tanh((v - w) / SIGN_WIDTH)]
-            X = np.column_stack([w, sketch.a[:, other], *both])
-            use = fits.uses[row]
-            _, x = fits.with_columns(row, fits.of(row, sketch.tau) - fits.nominal[row], X[use])
-            extra[:, fits.rows[row]] = X @ x
+            at = fits.rows[row]
+            extra[:, at] = fits.beside(row, fits.of(row, sketch.tau) - fits.nominal[row], other)[1]
         names = (sketch.robot.joints[i], sketch.robot.joints[k])
         what = "torques that depend on the motion of both joints: a motor {turns|may turn} with both (coupled drives)"
         advice = (

@@ -18,6 +18,7 @@ from scipy.optimize import nnls
 
 from frischid.checks.faults import Fault, cost
 from frischid.checks.sketch import Sketch
+from frischid.checks.sketch_motion import COUNTERBALANCE, SPRING, Beside
 from frischid.core.types import Array
 
 KNOWN_UNITS = {1e3: "mN·m", 1e-3: "kN·m", 100.0: "N·cm", 0.01: "hundreds of N·m", 1 / 9.81: "kp·m"}
@@ -44,14 +45,7 @@ class RowFits:
         step = float(np.median(np.diff(sketch.t))) if len(sketch) > 1 else 1.0
         seconds = step * np.array([sketch.used[:, j].sum() for j in self.rows])
         self.weight = np.minimum(seconds / self.criteria.independent_time, self.criteria.most_independent)
-        self.uses = []
-        self.bases = []
-        for j in self.rows:
-            use = sketch.used[:, j]
-            use = use if use.sum() >= self.criteria.fewest_moving else np.ones(len(sketch), bool)
-            self.uses.append(use)
-            self.bases.append(sketch.friction(j)[use])
-        self.factors = [np.linalg.qr(A) for A in self.bases]
+        self.uses = [sketch.motion.uses(j) for j in self.rows]
         self.nominal = [sketch.nominal[use, j] for use, j in zip(self.uses, self.rows, strict=True)]
 
     def of(self, k: int, tau: Array, j: int | None = None) -> Array:
@@ -60,27 +54,19 @@ class RowFits:
 
     def error(self, k: int, y: Array, spread: float) -> float:
         """NRMSE of row k with the torque y."""
-        left = y - self.nominal[k]
-        Q, R = self.factors[k]
-        b = Q.T @ left
-        rest = max(float(left @ left) - float(b @ b), 0.0)
-        return float(np.sqrt((nnls(R, b)[1] ** 2 + rest) / len(left))) / spread
+        return self.sketch.motion.fit(self.rows[k]).solve(y - self.nominal[k])[0] / spread
 
-    def with_columns(self, k: int, y: Array, X: Array) -> tuple[float, Array]:
-        """RMS of y after friction and further columns of either sign, and their coefficients."""
-        A = np.column_stack([self.bases[k], X, -X])
-        scale = np.maximum(np.linalg.norm(A, axis=0), 1e-300)
-        Q, R = np.linalg.qr(A / scale)
-        b = Q.T @ y
-        x, norm = nnls(R, b, maxiter=50 * A.shape[1])
-        x = x / scale
-        F, P = self.bases[k].shape[1], X.shape[1]
-        rest = max(float(y @ y) - float(b @ b), 0.0)
-        return float(np.sqrt((norm**2 + rest) / len(y))), x[F : F + P] - x[F + P :]
+    def beside(self, k: int, y: Array, beside: Beside) -> tuple[float, Array]:
+        """RMS of y after the friction of row k and further columns of either sign, and their torque (M,)."""
+        motion, j = self.sketch.motion, self.rows[k]
+        rms, x = motion.fit(j, beside).solve(y)
+        X = motion.columns(j, beside)
+        x = x[-2 * X.shape[1] :].reshape(2, -1)
+        return rms, X @ (x[0] - x[1])
 
     def gain(self, k: int, y: Array) -> tuple[float, float]:
         """RMS of y after a multiple ≥ 0 of the nominal torque and friction, and the multiple."""
-        A = np.column_stack([self.nominal[k], self.bases[k]])
+        A = np.column_stack([self.nominal[k], self.sketch.motion.friction(self.rows[k])[self.uses[k]]])
         x, norm = nnls(A, y)
         return float(norm / np.sqrt(len(y))), float(x[0])
 
@@ -213,15 +199,14 @@ def _scale_fault(fits: RowFits, k: int, gain: float) -> Fault:
 def _springs(fits: RowFits, k: int, tau: Array, spread: float, faults: tuple[Fault, ...]) -> list[Option]:
     """The torque less a spring or a counterbalance of the joint."""
     j, name, n, R = fits.rows[k], fits.names[k], float(fits.weight[k]), len(fits.rows)
-    y, q, whole = fits.of(k, tau), fits.sketch.q[:, j], tau[:, j]
-    kinds = {"a spring": q[:, None]}
+    y, whole = fits.of(k, tau), tau[:, j]
+    kinds: dict[str, Beside] = {"a spring": SPRING}
     quantity, unit, place = ("force", "N", "position") if fits.sketch.robot.prismatic[j] else ("torque", "N·m", "angle")
     if not fits.sketch.robot.prismatic[j]:
-        kinds["a counterbalance"] = np.column_stack([np.sin(q), np.cos(q)])
+        kinds["a counterbalance"] = COUNTERBALANCE
     found = []
-    for word, X in kinds.items():
-        rms, x = fits.with_columns(k, y - fits.nominal[k], X[fits.uses[k]])
-        torque = X @ x
+    for numbers, (word, kind) in enumerate(kinds.items(), start=1):
+        rms, torque = fits.beside(k, y - fits.nominal[k], kind)
         fault = Fault(
             "spring",
             f"a {quantity} of {np.ptp(torque) / 2:.3g} {unit} (half its range) follows the joint's {place} alone: "
@@ -229,7 +214,7 @@ def _springs(fits: RowFits, k: int, tau: Array, spread: float, faults: tuple[Fau
             (name,),
             "nothing is wrong with the log: identify. Where links of another weight have the same torque, the links "
             "take it up; else frischid diagnose measures the spring, and frischid improve adds it to the model",
-            cost(fits.criteria, "spring", R, X.shape[1], n),
+            cost(fits.criteria, "spring", R, numbers, n),
             False,
             False,
             torque=torque[:, None] * np.eye(fits.sketch.tau.shape[1])[j],

@@ -23,6 +23,7 @@ from scipy.interpolate import make_interp_spline
 from scipy.optimize import nnls
 
 from frischid.checks.check_criteria import DEFAULT_CRITERIA, CheckCriteria
+from frischid.checks.sketch_motion import SketchMotion
 from frischid.core.types import Array
 from frischid.effects.state import SIGN_WIDTH
 from frischid.errors import InputError
@@ -42,15 +43,12 @@ class Sketch:
 
     Attributes
     ----------
-    robot : Robot
+    motion : SketchMotion
+        Robot, positions, velocities and accelerations of the M samples.
     t : ndarray, shape (M,)
-    q, v, a, tau : ndarray, shape (M, J)
-        Positions, velocities, accelerations, torques: rad, rad/s, rad/s², N·m (m, ..., N). tau is NaN where not
-        measured.
-    sign : ndarray, shape (M, J)
-        Smoothed sign of the velocity, filtered like the torque.
-    used : ndarray of bool, shape (M, J)
-        False where the joint stands still.
+        Time, s.
+    tau : ndarray, shape (M, J)
+        Torques, N·m (N); NaN where not measured.
     rows : ndarray of int
         Joints whose torque can be judged.
     noise : ndarray, shape (2, J)
@@ -65,14 +63,9 @@ class Sketch:
         Time by which the torques were moved to earlier times, s: see `moved_earlier`.
     """
 
-    robot: Robot
+    motion: SketchMotion
     t: Array
-    q: Array
-    v: Array
-    a: Array
     tau: Array
-    sign: Array
-    used: NDArray[np.bool_]
     rows: NDArray[np.intp]
     noise: Array
     ends: tuple[int, ...]
@@ -119,7 +112,8 @@ class Sketch:
         index = np.array([robot.joints.index(n) for n in rows], dtype=int)
         known = np.isfinite(tau).all(axis=0) & (np.ptp(tau, axis=0) > DEAD_TORQUE)
         ok = (known & clear & (used.sum(axis=0) > criteria.fewest_moving))[index]
-        sketch = cls(robot, t, q, v, a, tau, sign, used, index[ok], np.sqrt(noise / samples), ends, criteria)
+        moving = SketchMotion(robot, q, v, a, sign, used, criteria.fewest_moving)
+        sketch = cls(moving, t, tau, index[ok], np.sqrt(noise / samples), ends, criteria)
         return sketch.thinned(criteria.sketch_samples)
 
     def thinned(self, most: int) -> Sketch:
@@ -127,31 +121,57 @@ class Sketch:
         every = -(-len(self.t) // most)
         if every == 1:
             return self
-        keep = slice(None, None, every)
-        arrays: dict[str, Any] = {
-            name: getattr(self, name)[keep] for name in ("t", "q", "v", "a", "tau", "sign", "used")
-        }
-        if self.given_nominal is not None:
-            arrays["given_nominal"] = self.given_nominal[keep]
-        return replace(self, **arrays, ends=tuple(-(-end // every) for end in self.ends))
+        return replace(
+            self,
+            motion=self.motion.thinned(every),
+            t=self.t[::every],
+            tau=self.tau[::every],
+            given_nominal=None if self.given_nominal is None else self.given_nominal[::every],
+            ends=tuple(-(-end // every) for end in self.ends),
+        )
 
     def __len__(self) -> int:
         return len(self.t)
 
-    @cached_property
+    @property
+    def robot(self) -> Robot:
+        """The robot of the motion."""
+        return self.motion.robot
+
+    @property
+    def q(self) -> Array:
+        """Positions (M, J), rad (m)."""
+        return self.motion.q
+
+    @property
+    def v(self) -> Array:
+        """Velocities (M, J), rad/s (m/s)."""
+        return self.motion.v
+
+    @property
+    def a(self) -> Array:
+        """Accelerations (M, J), rad/s² (m/s²)."""
+        return self.motion.a
+
+    @property
+    def sign(self) -> Array:
+        """Smoothed sign of the velocities, (M, J)."""
+        return self.motion.sign
+
+    @property
+    def used(self) -> NDArray[np.bool_]:
+        """False where a joint stands still, (M, J)."""
+        return self.motion.used
+
+    @property
     def nominal(self) -> Array:
         """Rigid torque of the URDF's own parameters, (M, J)."""
-        if self.given_nominal is not None:
-            return self.given_nominal
-        return self.robot.inverse_dynamics(self.q, self.v, self.a)
+        return self.motion.rigid if self.given_nominal is None else self.given_nominal
 
     @cached_property
     def spread(self) -> Array:
         """Standard deviation of each judged joint's torque while it moves, (R,)."""
-        moving = (
-            self.used[:, j] if self.used[:, j].sum() >= self.criteria.fewest_moving else slice(None) for j in self.rows
-        )
-        return np.array([self.tau[use, j].std() for use, j in zip(moving, self.rows, strict=True)])
+        return np.array([self.tau[self.motion.uses(j), j].std() for j in self.rows])
 
     @cached_property
     def without(self) -> Array:
@@ -189,11 +209,11 @@ class Sketch:
                 tau[part, self.rows] = make_interp_spline(t, self.tau[part, self.rows])(at)
                 used[part] &= (at == t + lag)[:, None]
             start = end
-        return replace(self, tau=tau, used=used, earlier=self.earlier + lag)
+        return replace(self, motion=replace(self.motion, used=used), tau=tau, earlier=self.earlier + lag)
 
-    def with_(self, **changes: Any) -> Sketch:
-        """Copy with some arrays replaced; the rigid torque is computed anew unless it is one of them."""
-        return replace(self, **{"given_nominal": None, **changes})
+    def moving(self, **changes: Any) -> Sketch:
+        """Copy with another motion; the rigid torque is that of this motion."""
+        return replace(self, motion=replace(self.motion, **changes), given_nominal=None)
 
     @property
     def names(self) -> tuple[str, ...]:
@@ -207,22 +227,16 @@ class Sketch:
         k = int(np.argmax(np.diff(edges)))
         return slice(edges[k], edges[k + 1])
 
-    def friction(self, j: int) -> Array:
-        """Columns of the joint's own parameters: fv, fc, Ia ≥ 0, and the offset with both signs, (M, 5)."""
-        one = np.ones(len(self))
-        return np.column_stack([self.v[:, j], self.sign[:, j], self.a[:, j], one, -one])
-
     def errors(self, torque: Array) -> Array:
         """NRMSE of each judged joint when `torque` (M, J) is its rigid part and friction is fitted, (R,)."""
         return np.array([self.error(j, self.tau[:, j] - torque[:, j]) for j in self.rows]) / self.spread
 
     def error(self, j: int, left: Array) -> float:
         """RMS of a torque (M,) after the friction of joint j is fitted and subtracted, while the joint moves [N·m]."""
-        use = self.used[:, j]
-        if use.sum() < self.criteria.fewest_moving:  # the hypothesis gives the joint a motion at standstill
+        if self.used[:, j].sum() < self.criteria.fewest_moving:  # the hypothesis lets the joint stand still
             return float(np.sqrt(np.mean(left**2)))
-        _, norm = nnls(self.friction(j)[use], left[use])
-        return float(norm / np.sqrt(use.sum()))
+        fit = self.motion.fit(int(j))
+        return fit.solve(left[fit.use])[0]
 
 
 def shared_fit(sketch: Sketch, columns: Mapping[int, Array], left: Array) -> Array:
@@ -246,7 +260,7 @@ def shared_fit(sketch: Sketch, columns: Mapping[int, Array], left: Array) -> Arr
     for k, j in enumerate(sketch.rows):
         use = sketch.used[:, j]
         X = np.zeros((len(sketch), P + 4 * R))
-        X[:, :P], X[:, P + 4 * k : P + 4 * k + 4] = columns[int(j)], sketch.friction(j)[:, :4]
+        X[:, :P], X[:, P + 4 * k : P + 4 * k + 4] = columns[int(j)], sketch.motion.friction(j)[:, :FRICTION_NUMBERS]
         rows.append(X[use] / sketch.spread[k])
         y.append(left[use, j] / sketch.spread[k])
     X = np.concatenate(rows)

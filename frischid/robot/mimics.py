@@ -9,6 +9,7 @@ A leader may be a mimic joint itself. The rules are resolved until every leader 
 from __future__ import annotations
 
 import xml.etree.ElementTree as ET
+from functools import lru_cache
 from typing import NamedTuple
 
 from frischid.errors import InputError
@@ -56,6 +57,12 @@ def mimic_rules(urdf: str) -> dict[str, MimicRule]:
     ... <joint name="right" type="prismatic"><mimic joint="left" multiplier="-1" offset="0.02"/></joint></robot>''')
     {'right': MimicRule(leader='left', factor=-1.0, shift=0.02)}
     """
+    return dict(_resolved(urdf))
+
+
+@lru_cache(maxsize=16)
+def _resolved(urdf: str) -> dict[str, MimicRule]:
+    """The rules, read once for all copies of a robot; they must not be changed."""
     direct = {}
     joints = ET.fromstring(urdf).findall("joint")
     for joint in joints:

@@ -10,6 +10,7 @@ from __future__ import annotations
 
 import math
 from collections.abc import Mapping, Sequence
+from functools import lru_cache
 from numbers import Real
 from typing import Any
 
@@ -21,6 +22,9 @@ from frischid.core.types import Array
 from frischid.errors import InputError, UnknownNameError
 from frischid.robot.mimics import mimic_rules
 from frischid.robot.urdf_refusals import cause_of_refusal
+
+MODELS_KEPT = 16
+"""Models that are kept, so that a URDF is not read again for a copy of its robot."""
 
 
 def build_model(urdf: str, source: str, locked: Mapping[str, float], gravity: Sequence[float]) -> Any:
@@ -48,6 +52,14 @@ def build_model(urdf: str, source: str, locked: Mapping[str, float], gravity: Se
     UnknownNameError
         A locked joint is none of the URDF's moving joints.
     """
+    model = _read(urdf, source, tuple(locked.items())).copy()
+    model.gravity.linear = np.array(gravity)
+    return model
+
+
+@lru_cache(maxsize=MODELS_KEPT)
+def _read(urdf: str, source: str, locked: tuple[tuple[str, float], ...]) -> Any:
+    """The model of a URDF with its own gravity; a robot under another gravity needs no second reading."""
     try:
         model = pin.buildModelFromXML(urdf)
     except (ValueError, RuntimeError) as error:
@@ -55,10 +67,10 @@ def build_model(urdf: str, source: str, locked: Mapping[str, float], gravity: Se
         raise InputError(f"{source}: Pinocchio cannot build a model from this URDF: {why}") from error
     _check_joints(model, source)
     moving = list(model.names)[1:]  # the first is Pinocchio's name for the base
-    for name in locked:
+    angles = dict(locked)
+    for name in angles:
         if name not in moving:
             raise UnknownNameError("locked joint", name, moving, source)
-    angles = dict(locked)
     for name, rule in mimic_rules(urdf).items():
         if rule.leader in angles:
             angles[name] = rule.factor * angles[rule.leader] + rule.shift
@@ -66,7 +78,6 @@ def build_model(urdf: str, source: str, locked: Mapping[str, float], gravity: Se
         model = _without(model, angles, source)
     if model.nv == 0:
         raise InputError(f"{source}: no joint is left to move; the URDF has none, or all are locked")
-    model.gravity.linear = np.array(gravity)
     return model
 
 
