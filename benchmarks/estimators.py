@@ -53,7 +53,8 @@ from frischid.motions.simulation import parameters_of, torque
 from frischid.motions.trajectory import Trajectory
 from frischid.regression.accumulation import accumulate
 from frischid.regression.block import stack
-from frischid.regression.moments import Gram, total
+from frischid.regression.moment_blocks import total
+from frischid.regression.moments import Gram
 from frischid.regression.regressor import Regressor
 from frischid.regression.structure import structure
 

@@ -33,7 +33,7 @@ from frischid.model.model import Model
 from frischid.motions.simulation import Noise, torque
 from frischid.regression.accumulation import accumulate
 from frischid.regression.joint_rows import JointRows
-from frischid.regression.moments import total
+from frischid.regression.moment_blocks import total
 from frischid.regression.regressor import Regressor, nominal_parameters
 from frischid.regression.structure import structure
 from frischid.robot.rotors import rotor_coupling

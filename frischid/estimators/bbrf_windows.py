@@ -28,6 +28,8 @@ Flags = NDArray[np.bool_]
 
 BATCH = 256
 """Windows whose moments are updated from one anchor: enough to amortise it, too few to drift."""
+CACHED = 2**17
+"""Numbers that a processor's cache holds beside others: 1 MB."""
 _LOST_DIGITS = 1e-9  # relative error of an inverse that followed from others
 
 
@@ -93,7 +95,15 @@ def sample_extents(rows: Array, window: int, stride: int) -> Iterator[Extents]:
         if K is None or usable is None or not usable[[0, -1]].all():
             K, rms, usable = inverses(batch.moments)
             K /= rms[:, :, None] * rms[:, None, :]
-        yield Extents(*extent(vertices_of(K)), usable)
+        boxes = [extent(vertices_of(K[part])) for part in _parts(K)]
+        lower, upper = (np.concatenate(side) for side in zip(*boxes, strict=True))
+        yield Extents(lower, upper, usable)
+
+
+def _parts(stack: Array) -> Iterator[slice]:
+    """Slices of a stack of matrices that are small enough for the processor's cache, at least one matrix each."""
+    step = max(1, CACHED // stack[0].size)
+    return (slice(first, first + step) for first in range(0, len(stack), step))
 
 
 def _followed(batch: Batch, window: int) -> Array | None:
@@ -124,7 +134,10 @@ def _usable(moments: Array, K: Array) -> Flags:
     """Whether each inverse has correct digits, as `inverses` says; all others become the identity."""
     power = np.diagonal(moments, axis1=-2, axis2=-1)
     rms = np.sqrt(np.where(power > 0, power, 1.0))[:, None, :]
-    norms = [((np.abs(x) @ d.mT).mT * d).max(axis=(-2, -1)) for x, d in ((moments, 1 / rms), (K, rms))]
+    norms = [
+        np.concatenate([((np.abs(x[i]) @ d[i].mT).mT * d[i]).max(axis=(-2, -1)) for i in _parts(x)])
+        for x, d in ((moments, 1 / rms), (K, rms))
+    ]
     positive = (np.diagonal(K, axis1=-2, axis2=-1) > 0).all(axis=-1)
     usable = np.asarray(positive & (norms[0] * norms[1] < CONDITION_LIMIT * np.clip(power.min(axis=-1), 0.0, 1.0)))
     K[~usable] = np.eye(K.shape[-1])

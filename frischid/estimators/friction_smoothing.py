@@ -26,7 +26,6 @@ from frischid.logs.filters import LowPass
 from frischid.logs.preprocessing import Motion
 from frischid.regression.accumulation import accumulate
 from frischid.regression.base_parameters import Reduction
-from frischid.regression.moments import total
 from frischid.regression.regressor import Regressor
 from frischid.robot.robot import Robot
 
@@ -153,18 +152,18 @@ def _errors(
     base = {c.name for c in leading}
     kept = [k for k, c in enumerate(regressor.columns) if c.effect == Coulomb.id or c.name in base]
     # Every member is judged on the same stretches, so the blocks of each stretch are added once.
-    blocks = list(held_out_stretches(accumulate(regressor, motions, lowpass, joints, base=kept)))
-    if sum(int(b.counts.sum()) for b in blocks) < 2 * reduction.rank:
+    stretches = held_out_stretches(accumulate(regressor, motions, lowpass, joints, base=kept))
+    if int(stretches.counts.sum()) < 2 * reduction.rank:
         raise IdentifiabilityError(
             "the logs have too few samples to choose the width of dry friction's sign; record longer, or give the "
             "width, for example coulomb(width=0.01)"
         )
-    place = {c.name: k for k, c in enumerate(blocks[0].columns)}
+    place = {c.name: k for k, c in enumerate(stretches.columns)}
     found = {}
     for k, member in enumerate(members):
         names = [f"{c.name}_{k}" if c.effect == Coulomb.id else c.name for c in leading]
-        chosen = [replace(b.select([place[n] for n in names]), columns=described) for b in blocks]
-        whole = total(chosen)
+        chosen = stretches.select([place[n] for n in names]).described(described)
+        whole = chosen.total()
         variance = cross_validated(chosen, joint_weights(whole))
         # The mean of logarithms, as in the likelihood of joints that each have noise of their own.
         left = np.maximum(variance / np.maximum(whole.torque_ss() / whole.counts, LEAST_VARIANCE), LEAST_VARIANCE)

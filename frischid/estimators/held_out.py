@@ -13,7 +13,7 @@ Source: Stone 1974, "Cross-validatory choice and assessment of statistical predi
 
 from __future__ import annotations
 
-from collections.abc import Iterator, Sequence
+from collections.abc import Sequence
 from dataclasses import dataclass
 
 import numpy as np
@@ -21,7 +21,8 @@ from numpy.typing import NDArray
 
 from frischid.core.types import Array
 from frischid.errors import IdentifiabilityError
-from frischid.regression.moments import Gram, total
+from frischid.regression.moment_blocks import Blocks
+from frischid.regression.moments import Gram
 
 FOLDS = 5
 """Stretches of time that cross-validation leaves out in turn."""
@@ -44,7 +45,7 @@ class Fold:
     theta: Array
 
 
-def held_out_stretches(blocks: Sequence[Gram]) -> Iterator[Gram]:
+def held_out_stretches(blocks: Sequence[Gram]) -> Blocks:
     """Moments of the stretches that are left out in turn.
 
     Raises
@@ -56,20 +57,18 @@ def held_out_stretches(blocks: Sequence[Gram]) -> Iterator[Gram]:
         raise IdentifiabilityError(
             "the log is too short to hold any of it out of the fit; record longer than two seconds"
         )
-    counts = np.array([block.counts for block in blocks])
-    parts = np.array_split(np.arange(len(blocks)), min(FOLDS, len(blocks)))
+    kept = blocks if isinstance(blocks, Blocks) else Blocks(blocks)
+    counts = kept.counts
+    parts = np.array_split(np.arange(len(kept)), min(FOLDS, len(kept)))
     held = np.array([counts[part].sum(axis=0) for part in parts])
     if (held.max(axis=0) <= MOST_OF_A_JOINT * counts.sum(axis=0)).all():
-        for part in parts:
-            yield total(blocks[part[0] : part[-1] + 1])
-        return
+        return kept.added([len(part) for part in parts])
     before = np.cumsum(counts, axis=0) - counts
     place = ((before + counts / 2) * len(parts) / np.maximum(counts.sum(axis=0), 1.0)).astype(int)
-    for fold in range(len(parts)):
-        yield _of_joints(blocks, place == fold)
+    return Blocks(_of_joints(kept, place == fold) for fold in range(len(parts)))
 
 
-def _of_joints(blocks: Sequence[Gram], taken: NDArray[np.bool_]) -> Gram:
+def _of_joints(blocks: Blocks, taken: NDArray[np.bool_]) -> Gram:
     """Moments of some blocks, chosen for each joint: `taken` (blocks, J)."""
     found = Gram.zeros(blocks[0].columns, blocks[0].joints)
     for block, row in zip(blocks, taken, strict=True):

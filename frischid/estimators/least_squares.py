@@ -32,7 +32,8 @@ from frischid.estimators.held_out import Fold, held_out_stretches, held_out_vari
 from frischid.estimators.moderation import moderated, satterthwaite
 from frischid.estimators.normal_equations import NormalEquations
 from frischid.estimators.precision import precision_of
-from frischid.regression.moments import Gram, total
+from frischid.regression.moment_blocks import total
+from frischid.regression.moments import Gram
 
 JACKKNIFE_BLOCKS = 10  # with fewer blocks of data, their scatter does not show the correlation
 SINGULAR_PIVOT = 1e-7  # least pivot of a Cholesky factor over the largest, below which its matrix is taken as singular
@@ -215,14 +216,18 @@ def _variance(whole: Gram, theta: Array) -> Array:
 
 
 def _solve(whole: Gram, weights: Array, prior: Prior | None = None) -> NormalEquations:
+    return _solved(whole.weighted(weights), whole.names, whole.rows, prior)
+
+
+def _solved(moments: Array, names: tuple[str, ...], rows: int, prior: Prior | None) -> NormalEquations:
+    """The fit to weighted moments of so many torque rows."""
     if prior is not None:
-        return NormalEquations(whole.weighted(weights) + prior.moments, whole.names)
-    if whole.rows < len(whole.columns) + 1:
+        return NormalEquations(moments + prior.moments, names)
+    if rows < len(names) + 1:
         raise IdentifiabilityError(
-            f"{whole.rows} torque rows cannot determine {len(whole.columns)} parameters; record longer, or raise the "
-            "cut-off"
+            f"{rows} torque rows cannot determine {len(names)} parameters; record longer, or raise the cut-off"
         )
-    return NormalEquations(whole.weighted(weights), whole.names)
+    return NormalEquations(moments, names)
 
 
 def _finish(blocks: Sequence[Gram], weights: Array, estimator: str) -> Estimate:
@@ -322,7 +327,11 @@ def least_squares_folds(blocks: Sequence[Gram], weights: Array, prior: Prior | N
         The log is too short to hold any of it out, or the other stretches do not determine the parameters.
     """
     whole = total(blocks)
-    return tuple(Fold(out, _solve(whole - out, weights, prior).theta) for out in held_out_stretches(blocks))
+    every, folds = whole.weighted(weights), []
+    for out in held_out_stretches(blocks):
+        left = _solved(every - out.weighted(weights), whole.names, whole.rows - out.rows, prior)
+        folds.append(Fold(out, left.theta))
+    return tuple(folds)
 
 
 def cross_validated(blocks: Sequence[Gram], weights: Array, prior: Prior | None = None) -> Array:

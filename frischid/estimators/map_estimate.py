@@ -38,7 +38,8 @@ from frischid.estimators.least_squares import Estimate
 from frischid.estimators.map_problem import MapProblem, WeightedRows
 from frischid.estimators.parameter_prior import ParameterPrior, ScaleRule
 from frischid.estimators.precision import precision_of
-from frischid.regression.moments import Gram, total
+from frischid.regression.moment_blocks import total
+from frischid.regression.moments import Gram
 
 ROUNDS = 60
 """Most iterations of scales and noise; they converge in about ten."""

@@ -53,10 +53,11 @@ class MapProblem:
 
     def rows(self, weights: Array, precision: Array, less: Gram | None = None) -> WeightedRows:
         """Log and prior as rows; without the rows of `less`."""
-        moments, torque = self.moments, self.with_torque
+        moments, torque = np.tensordot(weights, self.moments, axes=1), weights @ self.with_torque
         if less is not None:
-            moments, torque = moments - less.moments[:, :-1, :-1], torque - less.moments[:, :-1, -1]
-        root, target = _square_root(np.einsum("j,jab->ab", weights, moments), weights @ torque)
+            left_out = less.weighted(weights)
+            moments, torque = moments - left_out[:-1, :-1], torque - left_out[:-1, -1]
+        root, target = _square_root(moments, torque)
         believed = np.sqrt(precision)
         return WeightedRows.of(
             np.vstack([root @ self.A, np.diag(believed)]), np.append(target, believed * self.mean), self.bounded
@@ -150,10 +151,17 @@ def bounded_minimum(H: Array, b: Array, bounded: NDArray[np.bool_]) -> Array:
 
 
 def _nearest(R: Array, target: Array, bounded: NDArray[np.bool_]) -> Array:
-    """Minimise ‖R x − t‖ with a triangle R over x with x ≥ 0 where `bounded`."""
+    """Minimise ‖R x − t‖ with a triangle R over x with x ≥ 0 where `bounded`.
+
+    With the free variables first, the triangle of the bounded ones stands alone: they follow without the free ones
+    (Lawson and Hanson 1974, "Solving Least Squares Problems", chapter 23), and the free ones from them.
+    """
     x = linalg.solve_triangular(R, target)
     if (x[bounded] < 0).any():
-        lower = np.where(bounded, 0.0, -np.inf)
-        x = optimize.lsq_linear(R, target, (lower, np.inf), method="bvls").x
-        x[bounded] = np.maximum(x[bounded], 0.0)
+        free, n = int((~bounded).sum()), len(target)
+        order = np.argsort(bounded, kind="stable")
+        triangle: Array = np.asarray(np.linalg.qr(np.column_stack([R[:, order], target]), mode="r"))
+        x[order[free:]] = optimize.nnls(triangle[free:n, free:n], triangle[free:n, n], maxiter=50 * n)[0]
+        left = triangle[:free, n] - triangle[:free, free:n] @ x[order[free:]]
+        x[order[:free]] = linalg.solve_triangular(triangle[:free, :free], left)
     return np.asarray(x)

@@ -44,7 +44,7 @@ from frischid.logs.summary import held_by
 from frischid.model.identify_options import IdentifyOptions
 from frischid.model.unknown_damping import damping_effects
 from frischid.model.unknown_drive import known_controller
-from frischid.regression.moments import total
+from frischid.regression.moment_blocks import total
 from frischid.robot.robot import Robot
 
 

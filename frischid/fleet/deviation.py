@@ -32,7 +32,8 @@ from frischid.core.types import Array
 from frischid.errors import IdentifiabilityError
 from frischid.estimators.least_squares import Estimate, Prior, wls
 from frischid.estimators.normal_equations import NormalEquations
-from frischid.regression.moments import Gram, total
+from frischid.regression.moment_blocks import total
+from frischid.regression.moments import Gram
 
 EXCITED = 1e-8  # eigenvalue of the column-scaled moments over the largest, below which a direction was not excited
 LEAST_ROBOTS = 12  # fewest robots for an empirical null

@@ -35,7 +35,8 @@ from frischid.model.identify_options import IdentifyOptions
 from frischid.model.log_faults import faults_of
 from frischid.model.model import Model
 from frischid.regression.accumulation import accumulate
-from frischid.regression.moments import Gram, total
+from frischid.regression.moment_blocks import total
+from frischid.regression.moments import Gram
 from frischid.regression.regressor import Regressor
 from frischid.regression.structure import structure
 from frischid.robot.robot import Robot

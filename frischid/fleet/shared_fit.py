@@ -23,7 +23,8 @@ from frischid.estimators.map_estimate import MapEstimate, map_estimate
 from frischid.estimators.urdf_prior import PriorCriteria, gaussian, urdf_prior
 from frischid.fleet.deviation import Centre, Deviation, Null
 from frischid.regression.base_parameters import Reduction
-from frischid.regression.moments import Gram, total
+from frischid.regression.moment_blocks import total
+from frischid.regression.moments import Gram
 from frischid.regression.regressor import Regressor
 
 

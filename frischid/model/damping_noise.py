@@ -28,7 +28,8 @@ from frischid.estimators.sensor_noise import sensors_of
 from frischid.logs.filters import LowPass, correlate
 from frischid.logs.preprocessing import Motion
 from frischid.model.noise_floor import SIXTH_DIFFERENCE
-from frischid.regression.moments import Blocks, Gram, total
+from frischid.regression.moment_blocks import Blocks, total
+from frischid.regression.moments import Gram
 from frischid.robot.robot import Robot
 
 _RANK = 1e-12

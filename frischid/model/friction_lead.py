@@ -27,7 +27,7 @@ from frischid.core.types import Array
 from frischid.effects import Coulomb, Effect, State, Term
 from frischid.effects.commands import CommandDelay
 from frischid.logs.preprocessing import Motion
-from frischid.regression.moments import Blocks, total
+from frischid.regression.moment_blocks import Blocks, total
 
 _ANY = 1e-12
 """Share of a joint's largest moment below which a column is zero: the joint never reverses."""

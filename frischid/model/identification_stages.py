@@ -39,7 +39,8 @@ from frischid.model.unknown_drive import known_controller
 from frischid.model.unknown_gains import known_currents
 from frischid.regression.accumulation import accumulate, streaming_qr
 from frischid.regression.base_parameters import Reduction
-from frischid.regression.moments import Blocks, Gram, total
+from frischid.regression.moment_blocks import Blocks, total
+from frischid.regression.moments import Gram
 from frischid.regression.regressor import Regressor
 from frischid.regression.streaming_qr import SAFE_CONDITION
 from frischid.regression.structure import structure

@@ -50,7 +50,7 @@ def unlike_with_body(model: Model, whole: Gram, theta: Array) -> dict[str, float
     >>> import frischid as fr
     >>> from frischid.model.payload_alarms import unlike_with_body
     >>> from frischid.regression.accumulation import accumulate
-    >>> from frischid.regression.moments import total
+    >>> from frischid.regression.moment_blocks import total
     >>> from frischid.regression.regressor import Regressor
     >>> robot = fr.Robot.load("planar2")
     >>> log = fr.simulate(robot, fr.random_fourier(robot, 6.0, seed=1), rate=100, noise=fr.Noise(tau=0.01))

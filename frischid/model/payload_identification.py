@@ -36,7 +36,8 @@ from frischid.model.model import Model
 from frischid.model.model_argument import check_model
 from frischid.model.payload_alarms import DIFFERENT, alarms_with_body, unlike_with_body
 from frischid.regression.accumulation import accumulate
-from frischid.regression.moments import Gram, total
+from frischid.regression.moment_blocks import total
+from frischid.regression.moments import Gram
 from frischid.regression.regressor import Regressor
 from frischid.robot.inertia import dynamic_parameters, parameter_transform, pseudo_inertia
 from frischid.robot.robot import LINK_PARAMETERS, Robot

@@ -49,7 +49,7 @@ from frischid.model.identify_options import IdentifyOptions
 from frischid.model.unknown_damping import damping_effects, open_damping
 from frischid.regression.accumulation import accumulate
 from frischid.regression.base_parameters import Reduction
-from frischid.regression.moments import total
+from frischid.regression.moment_blocks import total
 from frischid.regression.regressor import Regressor
 from frischid.regression.structure import structure
 from frischid.robot.robot import Robot

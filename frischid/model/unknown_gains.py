@@ -36,7 +36,7 @@ from frischid.model.found_gains import UNKNOWN_GAIN
 from frischid.model.identify_options import IdentifyOptions
 from frischid.regression.accumulation import accumulate
 from frischid.regression.base_parameters import Reduction
-from frischid.regression.moments import total
+from frischid.regression.moment_blocks import total
 from frischid.regression.regressor import Regressor
 from frischid.regression.structure import structure
 from frischid.robot.robot import Robot

@@ -21,7 +21,8 @@ from frischid.errors import InputError
 from frischid.logs.filters import LowPass
 from frischid.logs.preprocessing import Motion
 from frischid.regression.joint_rows import JointRows
-from frischid.regression.moments import Blocks, PackedGram
+from frischid.regression.moment_blocks import Blocks
+from frischid.regression.moments import PackedGram
 from frischid.regression.regressor import CHUNK_SAMPLES, Regressor
 from frischid.regression.streaming_qr import StreamingQR
 from frischid.robot.robot import Robot

@@ -11,19 +11,15 @@ Another set of effects is another choice of columns.
 
 from __future__ import annotations
 
-from collections.abc import Iterable, Sequence
+from collections.abc import Iterable, Iterator, Sequence
 from dataclasses import dataclass, replace
-from functools import lru_cache, reduce
-from typing import overload
+from functools import lru_cache
 
 import numpy as np
 from numpy.typing import NDArray
 
 from frischid.core.types import Array, Column
 from frischid.errors import InputError, UnknownNameError
-
-HALVED_ABOVE = 2**20
-"""Bytes of moments above which only a triangle is kept; a triangle of a smaller one costs time and saves little."""
 
 
 @dataclass(frozen=True, eq=False)
@@ -150,79 +146,12 @@ class Gram:
         ndarray, shape (J,)
         """
         direction = np.append(theta, -1.0)
-        return np.asarray(np.maximum(np.einsum("a,jab,b->j", direction, self.moments, direction), 0.0))
+        return np.asarray(np.maximum(self.moments @ direction @ direction, 0.0))
 
     def torque_ss(self) -> Array:
         """Return the sum of squares of each joint's torque about its mean, shape (J,)."""
         mean = self.sums[:, -1] / np.maximum(self.counts, 1.0)
         return np.asarray(np.maximum(self.moments[:, -1, -1] - self.counts * mean**2, 0.0))
-
-
-class Blocks(Sequence[Gram]):
-    """Moments of consecutive stretches of time.
-
-    Blocks may be packed (`PackedGram`): a joint's columns of links that it does not move are zero, so only products of
-    the active columns are kept, and of a large block only a triangle, because moments are symmetric. For a chain of
-    thirty joints that is a sixth of the numbers. A packed block is unpacked when it is asked for.
-
-    Attributes
-    ----------
-    nbytes : int
-        Bytes of all blocks together.
-    """
-
-    def __init__(self, grams: Iterable[Gram | PackedGram] = ()) -> None:
-        self._kept: list[Gram | PackedGram] = []
-        self.nbytes = 0
-        for gram in grams:
-            self.append(gram)
-
-    def append(self, gram: Gram | PackedGram) -> None:
-        """Append a block."""
-        self._keep(_kept(gram))
-
-    def merge(self, gram: Gram | PackedGram) -> None:
-        """Add moments to the last block."""
-        last = self._kept.pop()
-        self.nbytes -= last.nbytes
-        self._keep(_sum(last, _kept(gram)))
-
-    def halve(self) -> None:
-        """Add each pair of neighbouring blocks; the number of blocks must be even."""
-        pairs = list(zip(self._kept[::2], self._kept[1::2], strict=True))
-        self._kept, self.nbytes = [], 0
-        for a, b in pairs:
-            self._keep(_sum(a, b))
-
-    def _keep(self, block: Gram | PackedGram) -> None:
-        self._kept.append(block)
-        self.nbytes += block.nbytes
-
-    def described(self, columns: Sequence[Column]) -> Blocks:
-        """The same moments with other names and units for the columns."""
-        found = Blocks()
-        for block in self._kept:
-            found._keep(replace(block, columns=tuple(columns)))
-        return found
-
-    def total(self) -> Gram:
-        """Sum of all blocks; there must be at least one."""
-        return _whole(reduce(_sum, self._kept))
-
-    def __len__(self) -> int:
-        return len(self._kept)
-
-    @overload
-    def __getitem__(self, index: int) -> Gram: ...
-    @overload
-    def __getitem__(self, index: slice) -> Blocks: ...
-    def __getitem__(self, index: int | slice) -> Gram | Blocks:
-        if isinstance(index, int):
-            return _whole(self._kept[index])
-        found = Blocks()
-        for block in self._kept[index]:
-            found._keep(block)
-        return found
 
 
 @dataclass(frozen=True, eq=False)
@@ -257,45 +186,39 @@ class PackedGram:
         """The same with triangles only."""
         return replace(self, products=tuple(x if x.ndim == 1 else x[_lower(len(x))] for x in self.products))
 
+    def select(self, indices: Sequence[int]) -> PackedGram:
+        """Keep the columns at `indices` (and the torque)."""
+        keep = np.append(np.asarray(indices, dtype=int), len(self.columns))
+        place = np.full(len(self.columns) + 1, -1)
+        place[keep] = np.arange(len(keep))
+        left = [place[own] for own in self.where]
+        kept = [np.flatnonzero(new >= 0) for new in left]
+        return PackedGram(
+            tuple(self.columns[i] for i in indices),
+            self.joints,
+            tuple(new[at] for new, at in zip(left, kept, strict=True)),
+            tuple(square[at[:, None], at] for square, at in zip(self._squares(), kept, strict=True)),
+            self.sums[:, keep],
+            self.counts,
+        )
+
     def whole(self) -> Gram:
         """The Gram that was packed."""
         size = len(self.columns) + 1
         moments = np.zeros((len(self.joints), size, size))
-        for M, own, product in zip(moments, self.where, self.products, strict=True):
-            M[own[:, None], own] = product if product.ndim == 2 else _square(product, len(own))
+        for M, own, square in zip(moments, self.where, self._squares(), strict=True):
+            M[own[:, None], own] = square
         return Gram(self.columns, self.joints, moments, self.sums, self.counts)
+
+    def _squares(self) -> Iterator[Array]:
+        """Moments of each joint's active columns, (n, n)."""
+        for own, product in zip(self.where, self.products, strict=True):
+            yield product if product.ndim == 2 else _square(product, len(own))
 
     @property
     def nbytes(self) -> int:
         """Bytes of the products and of their places."""
         return self.sums.nbytes + sum(x.nbytes + i.nbytes for x, i in zip(self.products, self.where, strict=True))
-
-
-def _kept(gram: Gram | PackedGram) -> Gram | PackedGram:
-    """How a block is kept."""
-    if isinstance(gram, Gram):
-        return PackedGram.of(gram).halved() if gram.moments.nbytes > HALVED_ABOVE else gram
-    return gram.halved() if sum(8 * len(own) ** 2 for own in gram.where) > HALVED_ABOVE else gram
-
-
-def _whole(block: Gram | PackedGram) -> Gram:
-    return block if isinstance(block, Gram) else block.whole()
-
-
-def _sum(a: Gram | PackedGram, b: Gram | PackedGram) -> Gram | PackedGram:
-    if isinstance(a, PackedGram) and isinstance(b, PackedGram) and _alike(a, b):
-        products = tuple(x + y for x, y in zip(a.products, b.products, strict=True))
-        return replace(a, products=products, sums=a.sums + b.sums, counts=a.counts + b.counts)
-    return _kept(_whole(a) + _whole(b))
-
-
-def _alike(a: PackedGram, b: PackedGram) -> bool:
-    """Whether two packed blocks have their numbers at the same places."""
-    if a.columns != b.columns or a.joints != b.joints:
-        return False
-    if any(x.ndim != y.ndim for x, y in zip(a.products, b.products, strict=True)):
-        return False
-    return a.where is b.where or all(map(np.array_equal, a.where, b.where))
 
 
 def _square(triangle: Array, size: int) -> Array:
@@ -309,15 +232,3 @@ def _square(triangle: Array, size: int) -> Array:
 @lru_cache(maxsize=64)
 def _lower(size: int) -> NDArray[np.bool_]:
     return np.tri(size, dtype=bool)
-
-
-def total(grams: Iterable[Gram | PackedGram]) -> Gram:
-    """Sum of at least one Gram, two in memory at a time."""
-    if isinstance(grams, Blocks) and len(grams):
-        return grams.total()
-    result: Gram | None = None
-    for part in grams:
-        result = _whole(part) if result is None else result + _whole(part)
-    if result is None:
-        raise InputError("there are no moments to sum, because no log gave a sample; give longer logs")
-    return result

@@ -7,7 +7,8 @@ import pytest
 
 from frischid.core.types import Column
 from frischid.estimators.least_squares import Prior, cross_validated, ols, wls
-from frischid.regression.moments import Gram, total
+from frischid.regression.moment_blocks import total
+from frischid.regression.moments import Gram
 
 JOINTS, P, BLOCKS, EACH_BLOCK = ("base", "wrist"), 4, 40, 50
 COLUMNS = tuple(Column(f"p{i}", "", "base", "rigid") for i in range(P))

@@ -19,7 +19,8 @@ from frischid.estimators.map_estimate import (
 )
 from frischid.estimators.map_problem import MapProblem
 from frischid.estimators.parameter_prior import ParameterPrior, ScaleRule
-from frischid.regression.moments import Gram, total
+from frischid.regression.moment_blocks import total
+from frischid.regression.moments import Gram
 
 NAMES = ("m1", "mx1", "fv1", "Ia1")
 

@@ -16,7 +16,7 @@ from frischid.logs.preprocessing import prepare
 from frischid.motions.simulation import simulate
 from frischid.motions.trajectory import random_fourier
 from frischid.regression.accumulation import accumulate
-from frischid.regression.moments import total
+from frischid.regression.moment_blocks import total
 from frischid.regression.regressor import Regressor
 from frischid.regression.structure import structure
 

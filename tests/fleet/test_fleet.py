@@ -26,7 +26,8 @@ from frischid.fleet.log_paths import LogPath, find_logs, local, robot_of
 from frischid.fleet.results import SIGNIFICANCE
 from frischid.fleet.shared_fit import SharedFit, with_spread
 from frischid.logs.table_writing import write_table
-from frischid.regression.moments import Gram, total
+from frischid.regression.moment_blocks import total
+from frischid.regression.moments import Gram
 
 ROBOTS, SECONDS, RATE = 22, 20.0, 50.0
 FRICTION = {"fv1": 4.0, "fv2": 5.0, "fv3": 3.0, "fc1": 6.0, "fc2": 7.0, "fc3": 5.0}

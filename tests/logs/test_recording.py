@@ -15,7 +15,7 @@ from frischid.logs.preprocessing import prepare
 from frischid.logs.recording import Motions, Recording
 from frischid.regression.accumulation import MAX_BLOCKS, accumulate
 from frischid.regression.joint_rows import JointRows
-from frischid.regression.moments import Blocks, total
+from frischid.regression.moment_blocks import Blocks, total
 from frischid.regression.regressor import Regressor
 
 ROBOT = fr.Robot.load("planar2")
@@ -87,7 +87,7 @@ def test_blocks_do_not_grow_with_the_logs():
 
 
 def test_blocks_are_their_grams_in_half_the_room(monkeypatch):
-    monkeypatch.setattr("frischid.regression.moments.HALVED_ABOVE", 0)
+    monkeypatch.setattr("frischid.regression.moment_blocks.HALVED_ABOVE", 0)
     robot, lowpass = fr.Robot.load("ur5"), LowPass(5.0)
     log = fr.simulate(robot, fr.random_fourier(robot, 10.0, seed=1), rate=100.0)
     regressor = Regressor(robot, fr.BASELINE)

@@ -12,7 +12,8 @@ from frischid.core.types import Column
 from frischid.effects import State
 from frischid.effects.commands import CommandDelay
 from frischid.model.friction_lead import lead_effects, without_columns
-from frischid.regression.moments import Blocks, Gram, total
+from frischid.regression.moment_blocks import Blocks, total
+from frischid.regression.moments import Gram
 
 KP, KD, LATE = 300.0, 9.0, 0.02
 TRUTH = {"fv1": 0.5, "fv2": 0.3, "fc1": 1.6, "fc2": 0.8, "Ia1": 0.05, "Ia2": 0.03}

@@ -5,7 +5,8 @@ import pytest
 
 from frischid.core.types import Column
 from frischid.errors import InputError
-from frischid.regression.moments import Blocks, Gram, total
+from frischid.regression.moment_blocks import Blocks, total
+from frischid.regression.moments import Gram
 
 JOINTS = ("a", "b")
 

@@ -12,7 +12,7 @@ from frischid.logs.preprocessing import Motion, prepare
 from frischid.regression.accumulation import accumulate, streaming_qr
 from frischid.regression.block import Samples, stack
 from frischid.regression.joint_rows import JointRows
-from frischid.regression.moments import total
+from frischid.regression.moment_blocks import total
 from frischid.regression.regressor import Regressor
 from frischid.regression.structure import structure
 from frischid.robot.robot import Robot
