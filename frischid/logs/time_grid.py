@@ -26,6 +26,7 @@ from numpy.typing import NDArray
 from scipy import ndimage
 from scipy.interpolate import make_interp_spline
 
+from frischid.core.remembered import Remembered
 from frischid.core.types import Array
 from frischid.logs.filters import LowPass, noise_level
 from frischid.logs.log import FEWEST_SAMPLES, Log
@@ -79,12 +80,21 @@ def retimed(log: Log) -> Log:
     >>> retimed(true) is true
     True
     """
+    regular = _REGULAR.of(log, "times", lambda: _regular(log))
+    return log if regular is None else replace(log, t=regular)
+
+
+_REGULAR = Remembered[Array | None]()
+
+
+def _regular(log: Log) -> Array | None:
+    """Times of the log's samples on a regular clock; None where the stamps are regular, or true."""
     steps = np.diff(log.t)
     if len(steps) < 2 or np.abs(steps / np.median(steps) - 1).max() < LEAST_JITTER:
-        return log
+        return None
     moving = np.ptp(log.q, axis=0) > 0
     if not moving.any():
-        return log
+        return None
     stretches = _stretches(log.t, LONGEST_BURST * float(steps.mean()))
     regular = np.concatenate([_clock(log.t[stretch], float(np.median(steps))) for stretch in stretches])
     longest = max(stretches, key=lambda stretch: stretch.stop - stretch.start)
@@ -92,7 +102,7 @@ def retimed(log: Log) -> Log:
     stamped, clocked = (noise_level(uniform(t[longest], q)[1]) for t in (log.t, regular))
     share = np.median(clocked**2 / np.maximum(stamped**2, 1e-300))
     right = share < 1 - CLOCK_NOISE and _is_jitter(log.t[longest] - regular[longest])
-    return replace(log, t=regular) if right else log
+    return regular if right else None
 
 
 def _is_jitter(late: Array) -> bool:
