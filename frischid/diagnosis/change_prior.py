@@ -34,6 +34,7 @@ from collections.abc import Mapping
 import numpy as np
 from scipy import linalg
 
+from frischid.core.remembered import Remembered
 from frischid.core.types import Array
 from frischid.diagnosis.criteria import DIAGNOSIS_CRITERIA, DiagnosisCriteria
 from frischid.effects import columns_of
@@ -115,6 +116,13 @@ def load_reference(model: Model, criteria: DiagnosisCriteria = DIAGNOSIS_CRITERI
 
 def _standard(model: Model, criteria: DiagnosisCriteria) -> tuple[Array, Array, Array]:
     """Regrouping (p, C) of the model's base parameters, and the URDF's value and spread of every column (C,)."""
+    return _STANDARD.of(model, criteria, lambda: _regrouped(model, criteria))
+
+
+_STANDARD = Remembered[tuple[Array, Array, Array]]()
+
+
+def _regrouped(model: Model, criteria: DiagnosisCriteria) -> tuple[Array, Array, Array]:
     regressor = Regressor(model.robot, model.effects, model.reference)
     mapping = _regrouping(model, regressor)
     nominal = np.asarray(nominal_parameters(model.robot, model.effects))
