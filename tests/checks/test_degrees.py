@@ -193,3 +193,23 @@ def test_a_robot_faster_than_its_urdf_states_is_in_radians_where_the_torques_say
     (issue,), fix = degrees(slow, in_degrees(log, *slow.joints))
     assert fix == (FILE,)
     assert "faster than the URDF's limits" in issue.what
+
+
+@pytest.mark.parametrize("name", ["kinova", "double_pendulum_continuous"])
+def test_angles_that_jump_by_360_are_in_degrees_wherever_they_move(name, tmp_path):
+    """With another zero than the URDF's they leave its limits. They were "position jumps": rows to be removed."""
+    robot = Robot.load(name)
+    log, path, output = driven(robot), tmp_path / "log.csv", tmp_path / "map.toml"
+    wrapped = replace(log, q=np.rad2deg(log.q - log.q[:1]) % 360)
+    (issue,), fix = degrees(robot, wrapped)
+    assert (issue.sure, issue.blocks, fix) == ("certain", True, (FILE,))
+    assert "by 360" in issue.what
+    (report,) = check(robot, [wrapped])
+    assert [issue.kind for issue in report.issues if issue.blocks] == ["degrees"]
+    write_log(replace(wrapped, v=None, a=None), path)
+    proposed = propose(path, robot)
+    assert proposed.file["angle_unit"] == "deg"
+    assert not proposed.guesses
+    output.write_text(proposed.toml("log.csv"), encoding="utf-8")
+    apart = (read_log(path, robot.joints, output).q - log.q + log.q[:1]) / (2 * np.pi)
+    np.testing.assert_allclose(apart, np.round(apart), atol=1e-6)
