@@ -139,6 +139,8 @@ def check_degrees(found: Implausible, sketch: Callable[[], Sketch | None], notes
     if fault is not None:
         where, advice, fix = fault.where, fault.advice, fault.fix
     if found.outside:
+        if seen is None or not len(seen.rows):  # nothing tells degrees from angles of motors: the reader must choose
+            fix = ()
         advice += "; but if these are angles of the motors or encoder counts, set gear_ratio for each joint"
     if found.certain:
         notes.add("degrees", found.evidence, where, "likely" if found.outside else "certain", advice, blocks=True)

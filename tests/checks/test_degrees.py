@@ -139,6 +139,8 @@ def test_angles_of_motors_are_not_certainly_degrees():
     (issue,), _ = degrees(robot, replace(log, q=log.q * 121, tau=log.tau / 121))
     assert issue.sure == "likely"
     assert "gear_ratio" in issue.advice
+    (issue,), fix = degrees(robot, replace(log, q=log.q * 121, tau=None, current=log.tau / 121))
+    assert ("gear_ratio" in issue.advice, fix) == (True, ()), "a file that undoes it cannot be written without torques"
     (issue,), _ = degrees(robot, in_degrees(log, *robot.joints))
     assert issue.sure == "certain"
     assert "gear_ratio" not in issue.advice
