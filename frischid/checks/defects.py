@@ -87,6 +87,8 @@ def _scan(path: Path, layout: Layout, time: int | None) -> _Scan:
     found = _Scan()
     encoding = "utf-8-sig" if layout.encoding == "utf-8" else layout.encoding
     texts: set[int] = set()  # columns that are no numbers from the first row on: dates, names of states
+    never = np.ones(len(layout.names), dtype=bool)  # columns that no line has a measurement in: clocks in ns, unused
+    doubtful = array("q")  # lines that only such columns make garbage
     with path.open(newline="", encoding=encoding, errors="replace") as file:
         text = (" ".join(line.split()) if layout.delimiter == " " else line for line in file)
         for number, row in enumerate(csv.reader(text, delimiter=layout.delimiter), start=1):
@@ -106,8 +108,14 @@ def _scan(path: Path, layout: Layout, time: int | None) -> _Scan:
                 ["0" if k in texts else cell or "nan" for k, cell in enumerate(row)], layout.decimal_comma
             )
             bad = ~(np.abs(values) <= GARBAGE)
-            if bad.any():
+            if doubtful and (never & ~bad).any():  # every line so far was bad in this column
+                found.garbage = array("q", sorted([*found.garbage, *doubtful]))
+                doubtful = array("q")
+            never &= bad
+            if (bad & ~never).any():
                 found.garbage.append(number)
+            elif bad.any():
+                doubtful.append(number)
             # the stamp of a line with an empty cell is a time; that of a line of unfilled memory may be any number
             if time is not None and not bad[time] and np.isnan(values[bad]).all():
                 found.lines.append(number)

@@ -48,12 +48,16 @@ class Implausible:
     outside: bool
 
 
-def implausible_motion(robot: Robot, log: Log, notes: Notebook) -> Implausible | None:
+def implausible_motion(
+    robot: Robot, log: Log, notes: Notebook, full_turns: NDArray[np.bool_] | None = None
+) -> Implausible | None:
     """Joints whose positions cannot be in radians; None without one. Report those that cannot be in degrees either.
 
     Such positions are far outside the robot's limits, or they move much faster than the limits allow and over more than
-    a turn. Simulated robots are often faster than their URDF allows, but they stay within a turn.
+    a turn. Simulated robots are often faster than their URDF allows, but they stay within a turn. Joints whose recorded
+    angles jumped by 360, `full_turns` (J,), are in degrees wherever they move.
     """
+    jumped = np.zeros(len(robot.joints), dtype=bool) if full_turns is None else full_turns & ~robot.prismatic
     limits, criteria = robot.limits, notes.criteria
     lower, upper = limits.lower, limits.upper
     limited = np.isfinite(lower) & np.isfinite(upper)
@@ -70,13 +74,13 @@ def implausible_motion(robot: Robot, log: Log, notes: Notebook) -> Implausible |
     # Without any limit to compare with, two full turns is where a joint of an arm becomes suspicious.
     turns = ~limited & ~np.isfinite(limits.velocity) & (np.ptp(log.q, axis=0) > criteria.unlimited_range)
     fast = (typical > criteria.degree_speed * limits.velocity) & (np.ptp(log.q, axis=0) > criteria.degree_range)
-    found = (fast | far | turns) & ~robot.prismatic
+    found = (fast | far | turns | jumped) & ~robot.prismatic
     if not found.any():
         return None
     as_degrees = np.deg2rad(log.q)
     over = limited & ((as_degrees > upper + room) | (as_degrees < lower - room)).any(axis=0)
     largest = span(np.abs(log.q[:, found]).max(axis=0))
-    if over[found].any():
+    if over[found].any() and not jumped.any():
         notes.add(
             "unit of positions",
             f"the positions are far outside the URDF's limits, as radians and as degrees: {largest}",
@@ -87,6 +91,9 @@ def implausible_motion(robot: Robot, log: Log, notes: Notebook) -> Implausible |
             blocks=True,
         )
         return None
+    if jumped.any():
+        what = "the positions jump by 360 from one sample to the next: degrees that wrap"
+        return Implausible(found, what, certain=True, outside=False)
     spare = np.where(limited, SPARE_SHARE * (upper - lower), np.inf)
     outside = bool((found & limited & ((as_degrees > upper + spare) | (as_degrees < lower - spare)).any(axis=0)).any())
     why = f"far outside the URDF's limits: {largest} rad" if far.any() else f"several full turns: {largest} rad"
@@ -132,6 +139,8 @@ def check_degrees(found: Implausible, sketch: Callable[[], Sketch | None], notes
     if fault is not None:
         where, advice, fix = fault.where, fault.advice, fault.fix
     if found.outside:
+        if seen is None or not len(seen.rows):  # nothing tells degrees from angles of motors: the reader must choose
+            fix = ()
         advice += "; but if these are angles of the motors or encoder counts, set gear_ratio for each joint"
     if found.certain:
         notes.add("degrees", found.evidence, where, "likely" if found.outside else "certain", advice, blocks=True)

@@ -28,7 +28,7 @@ from frischid.logs.log import Log
 from frischid.logs.poses import is_static
 from frischid.logs.preprocessing import Motion, prepare
 from frischid.logs.time_grid import even_times
-from frischid.logs.wraps import unwrapped, wraps_of
+from frischid.logs.wraps import degree_wraps_of, unwrapped, wraps_of
 from frischid.regression.base_parameters import Reduction
 from frischid.robot.robot import Robot
 
@@ -83,9 +83,9 @@ def inspect(
         what = f"the angle jumps by a whole turn {span(wraps[wraps > 0].astype(float))} times, where it wraps"
         advice = "nothing to do: frischid makes such angles continuous when it reads them"
         notes.add("wrapped angle", what, notes.which(wraps > 0), "certain", advice)
-        low, high = robot.limits.lower, robot.limits.upper
-        limited = np.isfinite(low) & np.isfinite(high)
-        log = unwrapped(log, np.where(limited, (np.where(limited, low, 0.0) + np.where(limited, high, 0.0)) / 2, 0.0))
+        log = unwrapped(log, _middle(robot))
+    if (full_turns := degree_wraps_of(log.q) > 0).any():
+        log = replace(log, q=np.rad2deg(unwrapped(replace(log, q=np.deg2rad(log.q)), _middle(robot)).q))
     if log.tau is None and log.current is not None:
         notes.add(
             "currents only",
@@ -130,8 +130,8 @@ def inspect(
             return Sketch.of(robot, motions, coarse, _rows(log, notes), criteria)
         return None
 
-    degrees = None if _has(notes, "degrees") else implausible_motion(robot, log, notes)
-    if degrees is not None and explained_in_radians(degrees, sketch):
+    degrees = None if _has(notes, "degrees") else implausible_motion(robot, log, notes, full_turns)
+    if degrees is not None and not full_turns.any() and explained_in_radians(degrees, sketch):
         degrees = None
     surely = degrees is not None and degrees.certain
     if not surely and not any(f.blocks for f in notes.issues) and (seen := sketch()) is not None:
@@ -139,6 +139,13 @@ def inspect(
     if degrees is not None and not _has(notes, "degrees"):  # the torques may have told it
         check_degrees(degrees, sketch, notes)
     return notes.report(log.source)
+
+
+def _middle(robot: Robot) -> Array:
+    """The middle between the limits of each joint, (J,); 0 for a joint without limits."""
+    low, high = robot.limits.lower, robot.limits.upper
+    limited = np.isfinite(low) & np.isfinite(high)
+    return np.asarray((np.where(limited, low, 0.0) + np.where(limited, high, 0.0)) / 2)
 
 
 def _has(notes: Notebook, kind: str) -> bool:

@@ -9,6 +9,7 @@ took off its torques before they were recorded:
 
 from __future__ import annotations
 
+import shlex
 from collections.abc import Iterator
 from dataclasses import replace
 from itertools import combinations
@@ -132,10 +133,14 @@ def _couplings(fits: RowFits) -> Iterator[Moved]:
             at = fits.rows[row]
             extra[:, at] = fits.beside(row, fits.of(row, sketch.tau) - fits.nominal[row], other)[1]
         names = (sketch.robot.joints[i], sketch.robot.joints[k])
+        mixed = sketch.robot.prismatic[i] != sketch.robot.prismatic[k]
+        ratio = "RATIO" if mixed else "1"
+        meaning = "the ratio of a turning and a sliding joint is ±2π/lead of the screw" if mixed else "or ratio=-1"
         what = "torques that depend on the motion of both joints: a motor {turns|may turn} with both (coupled drives)"
         advice = (
-            "give positions and torques of the joints, not of the motors, or add the coupled motor as an effect "
-            "(rotor_inertia, viscous and coulomb on both joints); it is not a fault of columns, signs or units"
+            "give positions and torques of the joints, not of the motors, or identify and add the coupled motor: "
+            f"frischid add MODEL {shlex.quote(f'joint_coupling(ratio={ratio})@{names[0]}+{names[1]}')}; {meaning}; it "
+            "is not a fault of columns, signs or units"
         )
         fault = Fault(
             "motor coupling",

@@ -7,7 +7,7 @@ from __future__ import annotations
 
 import json
 import math
-from collections.abc import Sequence
+from collections.abc import Collection, Sequence
 from typing import Any
 from unicodedata import category
 
@@ -85,19 +85,22 @@ def percent(share: float, digits: int = 0) -> str:
     return f"{100 * share:.{digits}f} %"
 
 
-def sentence(text: str) -> str:
-    """A text with a capital at its beginning, unless its first word is a name: of a joint, an effect, a file.
+def sentence(text: str, names: Collection[str] = ()) -> str:
+    """A text with a capital at its beginning, unless it begins with a name: of a joint, an effect, a file.
 
-    Names are known by an underscore, a digit, a dot or a capital letter in them.
+    The given names are known, and others by an underscore, a digit, a dot or a capital letter in their first word.
 
     Examples
     --------
     >>> from frischid.core.text import sentence
     >>> sentence("the model fits"), sentence("joint_spring on elbow was not added"), sentence("jointGripper slips")
     ('The model fits', 'joint_spring on elbow was not added', 'jointGripper slips')
+    >>> sentence("lift z needs more torque", ["lift z"]), sentence("yaw slips", ["y"])
+    ('lift z needs more torque', 'Yaw slips')
     """
     first = text.split(maxsplit=1)[0].rstrip(".,:;") if text.strip() else ""
     named = "_" in first or "." in first or any(x.isdigit() or x.isupper() for x in first[1:])
+    named |= any(text.startswith(x) and not text[len(x) : len(x) + 1].isalnum() for x in names if x)
     return text if named else text[:1].upper() + text[1:]
 
 

@@ -11,6 +11,7 @@ never follows exactly the same path.
 
 from __future__ import annotations
 
+from pathlib import Path
 from typing import NamedTuple
 
 import numpy as np
@@ -55,9 +56,7 @@ def measured_noise(validator: CrossValidator) -> MeasuredNoise | None:
             if found is None:
                 continue
             seconds += found.overlap
-            where.append(
-                motion.source if motions[m].source == motion.source else f"{motions[m].source}, {motion.source}"
-            )
+            where += [Path(x.source).name for x in (motions[m], motion)]
             for row in range(len(validator.joints)):
                 apart = _differences(validator, row, (n, m), found)
                 squares[row] += apart @ apart / 2

@@ -145,13 +145,15 @@ class JointCoupling(Effect):
 
     The effect acts on pairs of joints. With two joints named, these are the pair, in the order in which they are named.
     With more joints named, or none, every two of them that follow one another in the robot are a pair (turning joints
-    with turning, sliding with sliding ones).
+    with turning, sliding with sliding ones). A turning and a sliding joint are a pair only where they are named, since
+    their ratio is that of a screw.
 
     Attributes
     ----------
     ratio : float
         Motion of the motor per motion of the second joint, over the motion of the motor per motion of the first: 1 in a
-        wrist whose motor turns with the sum of both, −1 in a wrist whose motor turns with their difference.
+        wrist whose motor turns with the sum of both, −1 in a wrist whose motor turns with their difference. Of a
+        turning and a sliding joint, as on the splined screw of a SCARA, it is in rad/m: ±2π/lead of the screw.
     """
 
     id: ClassVar[str] = "joint_coupling"
@@ -206,9 +208,6 @@ class JointCoupling(Effect):
         if self.joints is None or len(names) > 2:
             return [pair for pair in _neighbours(robot) if set(pair) <= set(names)]
         names = list(self.joints)  # in the user's order, which the ratio refers to
-        i, j = (robot.joints.index(name) for name in names)
-        if robot.prismatic[i] != robot.prismatic[j]:
-            raise InputError(f"joint_coupling: {names[0]} and {names[1]} do not both turn or both slide")
         return [(names[0], names[1])]
 
     def terms(self, state: State) -> list[Term]:

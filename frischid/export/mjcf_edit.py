@@ -3,13 +3,13 @@
 The text is edited in place: the ``<inertial>`` of the body of every joint, and ``armature``, ``damping``,
 ``frictionloss`` and a linear spring's ``stiffness`` and ``springref`` of the joint; of a model with a controller,
 ``kp`` and ``kv`` of the joint's ``<position>`` actuator too (a joint without one gets one). The inertia of bodies that
-are welded to a body stays theirs; the body gets the rest.
+are welded to a body, or hang from it by a joint that the model locks, stays theirs; the body gets the rest.
 """
 
 from __future__ import annotations
 
 import re
-from collections.abc import Mapping
+from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, replace
 from pathlib import Path
 from xml.parsers import expat
@@ -17,6 +17,7 @@ from xml.parsers import expat
 import numpy as np
 import pinocchio as pin
 
+from frischid.core.text import listed
 from frischid.core.types import Array
 from frischid.errors import InputError
 from frischid.export.mjcf import actuators, gear_line, position_attributes, tendons
@@ -26,6 +27,7 @@ from frischid.export.names import number
 from frischid.model.model import Model
 from frischid.robot.inertia import dynamic_parameters, is_physical, pseudo_inertia
 from frischid.robot.mjcf_reading import model_of_mjcf
+from frischid.robot.robot import Robot
 from frischid.robot.urdf_edit import end_of_tag
 
 
@@ -53,7 +55,7 @@ def edited_mjcf(model: Model, path: Path) -> str:
     Parameters
     ----------
     model : Model
-        Its robot was read from this file, and none of its joints is locked.
+        Its robot was read from this file.
     path : Path
         The MJCF file.
 
@@ -64,10 +66,6 @@ def edited_mjcf(model: Model, path: Path) -> str:
         than the link.
     """
     robot = model.robot
-    if robot.locked:
-        raise InputError(
-            f"{path}: joints {', '.join(robot.locked)} are locked in the model; identify all joints for this"
-        )
     try:
         data = path.read_bytes()
         data.decode("utf-8")
@@ -79,7 +77,7 @@ def edited_mjcf(model: Model, path: Path) -> str:
         raise InputError(f'{path}: inertiafromgeom="true" makes MuJoCo ignore inertials; set it to "auto" first')
     places = _bodies(data, str(path))
     own = model_of_mjcf(path)
-    share = share_of(model)
+    share, locked = share_of(model), _locked_bodies(robot, own, path)
     changes: list[tuple[int, int, str]] = []
     for i, joint in enumerate(robot.bodies):
         if joint not in places:
@@ -87,9 +85,10 @@ def edited_mjcf(model: Model, path: Path) -> str:
                 f"{path}: no body with a joint '{joint}' stands in this file itself (included files do not count)"
             )
         body = places[joint]
-        new = _body_inertia(own, joint, body.tag.name, share.links[i])
+        new = _body_inertia(own, joint, body.tag.name, share.links[i], locked.get(joint, ()))
         if not is_physical(new):
-            raise InputError(f"{path}: the bodies welded to '{body.tag.name}' weigh more than its identified link")
+            kind = "locked or welded" if joint in locked else "welded"
+            raise InputError(f"{path}: the bodies {kind} to '{body.tag.name}' weigh more than its identified link")
         changes.append(_inertial(data, body, new))
         assert body.joint is not None
         if joint in robot.joints:
@@ -180,10 +179,35 @@ def _last_tag(data: bytes) -> int:
     return last[0]
 
 
-def _body_inertia(own: pin.Model, joint: str, body: str, total: Array) -> Array:
-    """Ten parameters of the body alone, in its own frame, from those of the whole link in the joint's frame."""
+def _locked_bodies(robot: Robot, own: pin.Model, path: Path) -> dict[str, list[Array]]:
+    """Pseudo-inertias (4, 4) of the bodies behind locked joints, by the moving joint before them and in its frame.
+
+    A model's link holds them. In the file their joints move, so they keep their own numbers.
+    """
+    if unknown := [name for name in robot.locked if not own.existJointName(name)]:
+        raise InputError(f"{path}: no joint {listed(unknown, 'or')}, which the model locks")
+    free = replace(robot, locked={}, frames="joint", known={})
+    model, data = free.model, free.model.createData()
+    at = np.array([[robot.locked.get(name, 0.0) for name in free.joints]])
+    pin.forwardKinematics(model, data, free.configuration(at)[0])
+    found: dict[str, list[Array]] = {}
+    for name in robot.locked:
+        index = before = model.getJointId(name)
+        while model.names[before] in robot.locked:
+            before = model.parents[before]
+        H = np.asarray(data.oMi[before].actInv(data.oMi[index]).homogeneous)
+        P = H @ pseudo_inertia(own.inertias[own.getJointId(name)].toDynamicParameters()) @ H.T
+        found.setdefault(model.names[before], []).append(P)
+    return found
+
+
+def _body_inertia(own: pin.Model, joint: str, body: str, total: Array, behind: Sequence[Array]) -> Array:
+    """Ten parameters of the body alone, in its own frame, from those of the whole link in the joint's frame.
+
+    `behind` are the pseudo-inertias of the bodies behind locked joints.
+    """
     index = own.getJointId(joint)
-    P = pseudo_inertia(total)
+    P = pseudo_inertia(total) - sum(behind, start=np.zeros((4, 4)))
     place = np.eye(4)
     for frame in own.frames:
         if frame.parentJoint != index:

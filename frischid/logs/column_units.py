@@ -64,7 +64,7 @@ def check_velocities(table: Table, t: Array, found: Proposal) -> None:
 
 
 def propose_degrees(table: Table, robot: Robot, found: Proposal) -> None:
-    """Propose degrees where names say so, or where positions are far outside the limits, but inside as degrees."""
+    """Propose degrees where names say so, where angles jump by 360, or where only degrees fit the limits."""
     outside, degrees = _outside_limits(table, robot, found)
     turning = [j for j, slides in zip(robot.joints, robot.prismatic, strict=True) if not slides and j in found.joints]
     named = [j for j in turning if unit_of(found.joints[j].get("q", ""))[0] in ("deg", "°")]
@@ -76,8 +76,11 @@ def propose_degrees(table: Table, robot: Robot, found: Proposal) -> None:
             found.units |= {j: found.units.get(j, {}) | {"angle_unit": "deg"} for j in named}
     elif degrees:
         found.file["angle_unit"] = "deg"
+        jumping = _jumping(found)
         found.reasons.append(
-            "angles in degrees: as radians they are more than a turn outside the URDF's limits, as degrees within"
+            f"angles in degrees: {jumping[0]}{' ...' * (len(jumping) > 1)} jumps by 360 from one row to the next"
+            if jumping
+            else "angles in degrees: as radians they are more than a turn outside the URDF's limits, as degrees within"
         )
     elif outside:
         found.guesses.append(
@@ -135,11 +138,19 @@ def radians_per_unit(table: Table, robot: Robot, found: Proposal) -> float:
     return 1 / DEGREES_PER_RADIAN if _outside_limits(table, robot, found)[1] else 1.0
 
 
+def _jumping(found: Proposal) -> list[str]:
+    """Position columns that jump by 360."""
+    return [c["q"] for c in found.joints.values() if c.get("q") in found.full_turns]
+
+
 def _outside_limits(table: Table, robot: Robot, found: Proposal) -> tuple[bool, bool]:
     """Whether the positions are more than a turn outside the URDF's limits, and whether as degrees they are within.
 
-    A joint with another zero than the URDF's is outside its limits too, but by at most a turn.
+    A joint with another zero than the URDF's is outside its limits too, but by at most a turn. Angles that jump by 360
+    are in degrees, whatever the limits are.
     """
+    if _jumping(found):
+        return True, True
     limits = dict(
         zip(robot.joints, zip(robot.limits.lower, robot.limits.upper, robot.prismatic, strict=True), strict=True)
     )

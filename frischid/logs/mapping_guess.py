@@ -43,7 +43,7 @@ from frischid.logs.mapping_table import USUAL_RATE, rate_of, stamps_of, table_of
 from frischid.logs.proposal import Proposal
 from frischid.logs.repeated_rows import repeats
 from frischid.logs.table import Table
-from frischid.logs.wraps import continuous
+from frischid.logs.wraps import continuous, degree_wraps_of
 from frischid.robot.robot import Robot
 
 
@@ -67,6 +67,7 @@ def propose(path: str | Path, robot: Robot, rate: float | None = None) -> Propos
     path, found = Path(path), Proposal()
     table = table_of(path, robot, found)
     time = time_column(table, found)
+    found.full_turns = frozenset(n for n, x in table.numeric.items() if n != time and _is_angle(x) and _in_degrees(x))
     table = _readable(table, time)
     numeric = [name for name in table.names if name in table.numeric and name != time]
     named = split_all([name for name in numeric if table.numeric[name].dtype.kind in "iuf"])
@@ -294,7 +295,17 @@ def _readable(table: Table, time: str | None) -> Table:
 
 def _continuous(x: NDArray[Any]) -> NDArray[Any]:
     """A column with the wraps of an angle undone."""
-    return continuous(x) if x.dtype.kind == "f" and len(x) > 1 and np.isfinite(x).all() else x
+    return continuous(x) if _is_angle(x) else x
+
+
+def _is_angle(x: NDArray[Any]) -> bool:
+    """Whether a column can be an angle that wraps."""
+    return x.dtype.kind == "f" and len(x) > 1 and bool(np.isfinite(x).all())
+
+
+def _in_degrees(x: NDArray[Any]) -> bool:
+    """Whether a column jumps by 360."""
+    return bool(degree_wraps_of(x[:, None]).any())
 
 
 # ---------------------------------------------------------------------- joints by motion

@@ -30,6 +30,8 @@ class Proposal:
         Columns that the gains come from.
     units : dict of str to dict of str to float or str
         URDF joint -> key of the mapping file -> factor of its torque or current, or unit of its position.
+    full_turns : frozenset of str
+        Columns that jump by 360: angles in degrees that wrap.
     """
 
     file: dict[str, object] = field(default_factory=dict)
@@ -40,6 +42,7 @@ class Proposal:
     gains: dict[str, float] = field(default_factory=dict)
     set_points: list[str] = field(default_factory=list)
     units: dict[str, dict[str, float | str]] = field(default_factory=dict)
+    full_turns: frozenset[str] = frozenset()
 
     def tables(self) -> dict[str, dict[str, Any]]:
         """The mapping as `LogMap.from_dict` takes it."""

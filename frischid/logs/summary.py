@@ -12,6 +12,7 @@ from typing import Literal
 
 import numpy as np
 
+from frischid.core.text import listed
 from frischid.errors import InputError, UnknownNameError
 from frischid.logs.cutoff_choice import LogSpectra, spectra_of
 from frischid.logs.filters import LowPass
@@ -200,15 +201,21 @@ def check_usable(robot: Robot, log: Log, rows: Sequence[str], *, strict: bool, w
     dead = [n for n in rows if size.get(n, np.inf) <= DEAD_TORQUE]
     if dead and strict:
         raise InputError(
-            f"{log.source}: the torque of {', '.join(dead)} is zero throughout; leave its torque row out "
-            "(--torque-joints, torque_joints=) or record it"
+            f"{log.source}: the torque of {', '.join(dead)} is zero throughout; {_without_torque(chosen, dead)}"
         )
     constant = _constant(chosen, rows)
     if constant and strict:
         raise InputError(
             f"{log.source}: the torque of {', '.join(constant)} never changes while the joint moves, it was probably "
-            "not measured; leave its torque row out (--torque-joints, torque_joints=) or record it"
+            f"not measured; {_without_torque(chosen, constant)}"
         )
+
+
+def _without_torque(log: Log, joints: Sequence[str]) -> str:
+    """What to do with joints whose torque is not in the log; those at standstill need not be joints of the model."""
+    still = [n for n in joints if np.ptp(log.q[:, log.joints.index(n)]) < STANDSTILL_SPAN]
+    lock = f"lock {listed(still)}, without motion in this log (--lock, lock=), or " if still else ""
+    return f"{lock}leave the torque out (--torque-joints, torque_joints=) or record it"
 
 
 def _constant(log: Log, rows: Sequence[str]) -> list[str]:

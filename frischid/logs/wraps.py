@@ -30,6 +30,11 @@ def wraps_of(q: Array) -> NDArray[np.intp]:
     return np.asarray([np.count_nonzero(_turns(x)) for x in q.T], dtype=np.intp)
 
 
+def degree_wraps_of(q: Array) -> NDArray[np.intp]:
+    """Number of wraps at ±180° or 360° of each position, (J,): only degrees jump so. Lengths and radians have none."""
+    return wraps_of(np.deg2rad(q))
+
+
 def _turns(x: Array) -> Array:
     """Whole turns by which an angle jumps at each step, (N - 1,)."""
     step = np.diff(x)

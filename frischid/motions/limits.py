@@ -18,6 +18,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from frischid.core.arguments import check_number
+from frischid.core.text import listed
 from frischid.core.types import Array
 from frischid.errors import InputError
 from frischid.motions.collision import Clearance
@@ -172,6 +173,36 @@ def _with_followers(robot: Robot, limits: JointLimits) -> JointLimits:
             lower[j], upper[j] = max(low, lower[j]), min(high, upper[j])
         velocity[j] = min(velocity[j], float(own.velocity[0]) / abs(factor))
     return replace(limits, lower=lower, upper=upper, velocity=velocity)
+
+
+def assumed_limits(robot: Robot) -> str:
+    """The limits that `MotionLimits.of` takes where the URDF states none, joint by joint; empty where it states all.
+
+    A range from 0 to 0 is none. A continuous joint has no range by its kind.
+
+    Examples
+    --------
+    >>> import frischid as fr
+    >>> from frischid.motions.limits import assumed_limits
+    >>> assumed_limits(fr.Robot.load("planar2"))
+    ''
+    >>> assumed_limits(fr.Robot.load("double_pendulum")).split(" (")[0]
+    "the limits in the robot's file state no range of position of any joint"
+    """
+    limits = _with_followers(robot, robot.limits)
+    endless = np.array([robot.model.joints[robot.numbers[n]].nq == 2 for n in robot.joints])
+    absent = {
+        "no range of position of {} (the plan takes ±π rad or ±0.5 m)": ~np.isfinite(limits.stroke) & ~endless,
+        "no speed of {} (the plan takes 2 rad/s or m/s)": ~np.isfinite(limits.velocity),
+        "no torque of {} (the plan takes any)": ~np.isfinite(limits.effort),
+    }
+    names = np.array(robot.joints, dtype=object)
+    said = [
+        text.format("any joint" if none.all() else listed(names[none].tolist(), "or"))
+        for text, none in absent.items()
+        if none.any()
+    ]
+    return f"the limits in the robot's file state {listed(said)}; check that the robot may move so" if said else ""
 
 
 def extremes(motion: ClosedForm, joints: int) -> tuple[Array, Array]:

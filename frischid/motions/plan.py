@@ -34,7 +34,7 @@ from frischid.errors import InputError
 from frischid.logs.log import Log
 from frischid.logs.readers import write_log
 from frischid.motions.collision import Clearance
-from frischid.motions.limits import CHECK_RATE, Excess, MotionLimits, Violation, violations
+from frischid.motions.limits import CHECK_RATE, Excess, MotionLimits, Violation, assumed_limits, violations
 from frischid.motions.motion_cost import Cost
 from frischid.motions.motion_request import check_rate, check_runs
 from frischid.motions.optimality import criterion_of, inflation
@@ -250,7 +250,7 @@ def _searched(seed: int, task: _Task, progress: Progress | None = None) -> Plan:
         seconds=0.0,
         inflation=dict(sorted(inflated.items(), key=lambda item: -item[1])),
         violations=tuple(violations(task.robot, motion, task.limits, task.clearance)),
-        notes=(*task.clearance.notes, *_of_torques(task.robot)),
+        notes=tuple(filter(None, (*task.clearance.notes, assumed_limits(task.robot), *_of_torques(task.robot)))),
     )
 
 

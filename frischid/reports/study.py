@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable, Collection, Mapping, Sequence
+from collections.abc import Callable, Mapping, Sequence
 from dataclasses import dataclass
 from pathlib import Path
 from typing import Any, Literal
@@ -163,11 +163,6 @@ class Study:
             for log in event.get("logs", ()):
                 text = text.replace(log["source"], Path(log["source"]).name)
         return text
-
-
-def opened(sentence: str, joints: Collection[str]) -> str:
-    """A sentence with a capital, unless it begins with the name of a joint."""
-    return sentence if sentence.split(maxsplit=1)[0].rstrip(",") in joints else sentence[:1].upper() + sentence[1:]
 
 
 def study(

@@ -12,7 +12,7 @@ from collections.abc import Callable, Sequence
 from typing import TYPE_CHECKING, Any
 
 from frischid import figures
-from frischid.core.text import listed
+from frischid.core.text import listed, sentence
 from frischid.effects import EFFECTS
 from frischid.studio.bench import Bench, State
 from frischid.studio.watch import Tried
@@ -127,14 +127,12 @@ class Findings:
         )
 
     def _offer(self, finding: Finding, state: State) -> None:
-        from frischid.reports.study import opened
-
         add = self.gui.add_button(f"Add {finding.effect}: error {finding.change}")
         add.on_click(lambda _: self._add(finding, state.revision))
         confused = f" Could also be {listed(finding.confused_with)}." if finding.confused_with else ""
         text = self.gui.add_markdown(
             plain(
-                f"{opened(finding.sentence, finding.joints)}. Probability that this is the cause: "
+                f"{sentence(finding.sentence, finding.joints)}. Probability that this is the cause: "
                 f"{100 * finding.probability:.0f} %. To be sure, {EFFECTS[finding.effect].confirmed_by}.{confused}"
             )
         )

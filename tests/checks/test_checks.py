@@ -429,6 +429,24 @@ def test_empty_cells_are_no_gap_in_the_time_stamps(tmp_path):
     assert data["logs"][0]["bad_lines"] == 20
 
 
+def test_a_column_without_any_measurement_makes_no_line_garbage(tmp_path):
+    """A clock in ns beside a log without 't' had made all lines "garbage rows", to be deleted."""
+    path = tmp_path / "log.csv"
+    rows = [[str(1_700_000_000_000_000_000 + 10_000_000 * k), "0.1", ""] for k in range(50)]
+    path.write_text("\n".join(["timestamp,q_joint1,unused", *map(",".join, rows)]) + "\n")
+    assert defects(path, LogMap()) is None
+    printed = CliRunner().invoke(main, ["check", "planar2", str(path)])
+    assert (printed.exit_code, "garbage" in printed.output, "no time column" in printed.output) == (2, False, True)
+    rows[0][1], rows[30][1], rows[40][2] = "", "nan", "1"  # a column whose first lines are empty holds a measurement
+    path.write_text("\n".join(["timestamp,q_joint1,unused", *map(",".join, rows)]) + "\n")
+    (issue,) = defects(path, LogMap()).issues
+    assert "49 lines" in issue.what  # 'unused' is measured in one line
+    rows[40][2] = ""
+    path.write_text("\n".join(["timestamp,q_joint1,unused", *map(",".join, rows)]) + "\n")
+    (issue,) = defects(path, LogMap()).issues
+    assert issue.what.endswith(": 2, 32")
+
+
 def test_a_time_column_beyond_the_last_is_no_time(tmp_path):
     path = tmp_path / "log.csv"
     path.write_text("t,q_joint1\n0,0\n1,nan\n2,0\n3,0\n")

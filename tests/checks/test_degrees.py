@@ -139,6 +139,8 @@ def test_angles_of_motors_are_not_certainly_degrees():
     (issue,), _ = degrees(robot, replace(log, q=log.q * 121, tau=log.tau / 121))
     assert issue.sure == "likely"
     assert "gear_ratio" in issue.advice
+    (issue,), fix = degrees(robot, replace(log, q=log.q * 121, tau=None, current=log.tau / 121))
+    assert ("gear_ratio" in issue.advice, fix) == (True, ()), "a file that undoes it cannot be written without torques"
     (issue,), _ = degrees(robot, in_degrees(log, *robot.joints))
     assert issue.sure == "certain"
     assert "gear_ratio" not in issue.advice
@@ -193,3 +195,23 @@ def test_a_robot_faster_than_its_urdf_states_is_in_radians_where_the_torques_say
     (issue,), fix = degrees(slow, in_degrees(log, *slow.joints))
     assert fix == (FILE,)
     assert "faster than the URDF's limits" in issue.what
+
+
+@pytest.mark.parametrize("name", ["kinova", "double_pendulum_continuous"])
+def test_angles_that_jump_by_360_are_in_degrees_wherever_they_move(name, tmp_path):
+    """With another zero than the URDF's they leave its limits. They were "position jumps": rows to be removed."""
+    robot = Robot.load(name)
+    log, path, output = driven(robot), tmp_path / "log.csv", tmp_path / "map.toml"
+    wrapped = replace(log, q=np.rad2deg(log.q - log.q[:1]) % 360)
+    (issue,), fix = degrees(robot, wrapped)
+    assert (issue.sure, issue.blocks, fix) == ("certain", True, (FILE,))
+    assert "by 360" in issue.what
+    (report,) = check(robot, [wrapped])
+    assert [issue.kind for issue in report.issues if issue.blocks] == ["degrees"]
+    write_log(replace(wrapped, v=None, a=None), path)
+    proposed = propose(path, robot)
+    assert proposed.file["angle_unit"] == "deg"
+    assert not proposed.guesses
+    output.write_text(proposed.toml("log.csv"), encoding="utf-8")
+    apart = (read_log(path, robot.joints, output).q - log.q + log.q[:1]) / (2 * np.pi)
+    np.testing.assert_allclose(apart, np.round(apart), atol=1e-6)

@@ -121,7 +121,9 @@ def test_springs_and_coupled_motors_are_physics(log):
     motor = 40 * np.tanh(w / 0.05) + 20 * w
     tau = np.array(log.tau)
     tau[:, 3:5] += motor[:, None]
-    assert issues(replace(log, tau=tau))[0]["motor coupling"].where == UR.joints[3:5]
+    found = issues(replace(log, tau=tau))[0]["motor coupling"]
+    assert found.where == UR.joints[3:5]
+    assert f"frischid add MODEL 'joint_coupling(ratio=1)@{'+'.join(UR.joints[3:5])}'" in found.advice
 
 
 def test_angles_that_wrap_are_made_continuous(log):

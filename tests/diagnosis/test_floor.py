@@ -120,7 +120,7 @@ def runs(memory: float, effect: str = "") -> list[Log]:
             parts.append(log.slice(0, len(log.t) - 1))
         t = np.arange(2 * len(parts[0].t)) / RATE
         q, tau = (np.concatenate([getattr(part, name) for part in parts]) for name in ("q", "tau"))
-        found.append(Log(t, ARM.joints, q, tau=tau, source=f"two runs {motion}"))
+        found.append(Log(t, ARM.joints, q, tau=tau, source=f"/folder/two runs {motion}"))
     return found
 
 
@@ -133,7 +133,7 @@ def test_repeated_motions_measure_the_noise_whatever_is_missing(effect):
     healthy = validator(tuple(runs(0.1)))
     np.testing.assert_allclose(measured.noise, healthy.fit.sigma, rtol=0.2)
     assert (measured.noise < true).all(), "the filter takes a part of the noise"
-    assert "two runs 1, two runs 2" in measured.said
+    assert "(two runs 1, two runs 2; " in measured.said, "without their folders"
     found = diagnose(v.model, runs(0.1, effect))
     assert measured.said in found.notes
     assert found.verdict == ("effect" if effect else "none")

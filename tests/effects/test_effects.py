@@ -261,6 +261,18 @@ def test_coupled_joints_share_the_power_of_their_motor():
     assert [c.name for c in effect.columns(state.robot)] == ["fvm5_6", "fcm5_6", "Iam5_6"]
 
 
+def test_a_screw_couples_a_turning_and_a_sliding_joint_where_they_are_named():
+    """The splined screw of a SCARA: its nut's motor turns with both joints. The pair had been refused."""
+    state, lead = motion(robot("mixed mimic")), 0.02
+    turn, slide = (state.robot.joints.index(name) for name in ("turn", "slide"))
+    effect = JointCoupling(("turn", "slide"), ratio=2 * np.pi / lead)
+    nut = state.v[:, turn] + 2 * np.pi / lead * state.v[:, slide]  # rad/s
+    rows = column(effect, state, 0)
+    np.testing.assert_allclose((rows * state.v).sum(axis=1), nut**2, rtol=1e-10)
+    assert [c.unit for c in effect.columns(state.robot)] == ["N·m·s/rad", "N·m", "kg·m²"]
+    assert [c.unit for c in JointCoupling(("slide", "turn")).columns(state.robot)] == ["N·s/m", "N", "kg"]
+
+
 def test_the_ratio_of_a_coupling_is_that_of_the_joint_named_second():
     state = motion(robot("ur10"))
     effect = JointCoupling(("wrist_3_joint", "wrist_2_joint"), ratio=3.0)
@@ -278,8 +290,7 @@ def test_pairs_of_joints():
     for joints in (("turn",), (), ("turn", "turn")):
         with pytest.raises(InputError, match="two joints"):
             JointCoupling(joints)
-    with pytest.raises(InputError, match="both turn or both slide"):
-        JointCoupling(("turn", "slide")).columns(machine)
+    assert JointCoupling(("turn", "slide")).pairs(machine) == [("turn", "slide")]
 
 
 # ---- where the links are

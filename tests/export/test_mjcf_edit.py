@@ -189,6 +189,38 @@ def test_what_cannot_be_converted_is_said(tmp_path):
         Robot.load(tmp_path / "broken.xml")
 
 
+FINGERS = """<body name="finger" pos="0 0.1 0.05" euler="0.3 0 0">
+          <joint name="grip" type="slide" axis="0 1 0" range="-0.1 0.1" ref="0.02"/>
+          <inertial pos="0.01 0 0.02" mass="0.2" diaginertia="0.0001 0.0002 0.0002"/>
+          <body name="tip" pos="0 0 0.04"><joint name="bend" axis="1 0 0" range="-1 1"/>
+            <inertial pos="0 0 0.01" mass="0.05" diaginertia="0.00001 0.00001 0.00001"/></body></body>
+        <body name="tool" """
+
+
+def test_bodies_behind_locked_joints_keep_their_numbers(tmp_path):
+    """A gripper without torques is locked. Its file was refused: "identify all joints for this"."""
+    own = tmp_path / "gripper.xml"
+    own.write_text(ARM.replace('<body name="tool" ', FINGERS, 1))
+    lock = {"grip": 0.05, "bend": -0.4}
+    robot = Robot.load(own, lock=lock)
+    truth = {n: 1.3 * x for n, x in zip(robot.all_names, robot.nominal, strict=True)}
+    log = simulate(robot, random_fourier(robot, 20, seed=1), rate=100, parameters=truth, noise=Noise(tau=1e-3))
+    model = identify(robot, [log], recursion="none").model
+    done = export(model, tmp_path / "new.xml", into=own)
+    compiled, before = (mujoco.MjModel.from_xml_path(str(x)) for x in (tmp_path / "new.xml", own))
+    bodies = [before.body(name).id for name in ("finger", "tip", "tool")]
+    np.testing.assert_allclose(compiled.body_mass[bodies], before.body_mass[bodies])
+    np.testing.assert_allclose(compiled.body_inertia[bodies], before.body_inertia[bodies])
+    again = Robot.load(tmp_path / "new.xml", lock=lock)
+    q, v, a = np.random.default_rng(0).normal(size=(3, 5, 2))
+    expected = done.model.robot.pinocchio(done.model.links.ravel())
+    torques = [pin.rnea(expected, expected.createData(), *state) for state in zip(q, v, a, strict=True)]
+    np.testing.assert_allclose(again.inverse_dynamics(q, v, a), torques, atol=1e-6)
+    own.write_text(ARM)
+    with pytest.raises(InputError, match="no joint grip or bend, which the model locks"):
+        export(model, tmp_path / "other.xml", into=own)
+
+
 def test_a_file_of_the_user_that_cannot_be_read_is_named(path, tmp_path):
     robot = Robot.load(path)
     log = simulate(robot, random_fourier(robot, 8, seed=1), rate=50, noise=Noise(tau=0.01))

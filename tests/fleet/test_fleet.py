@@ -108,6 +108,17 @@ def test_a_log_with_a_fault_raises_an_alarm(alone, arm, folder, tmp_path):
     assert fleet_page(found, None).exit_code == 1
 
 
+def test_two_robots_that_hide_one_another_in_a_small_fleet_are_told(alone):
+    """With two of six robots changed, the page said that none differs by more than usual, and no more."""
+    values = dict(zip(["r3", "r4", "r0", "r1", "r2", "r5"], [4.3, 3.7, 0.2, 0.2, 0.2, 0.2], strict=True))
+    usual = [replace(m, p_value=1.0, excess=0.2) for m in alone.members]
+    few = tuple(replace(usual[k], name=name, excess=values[name]) for k, name in enumerate(values))
+    (told,) = [x for x in fleet_page(replace(alone, members=few), None).parts if "largest difference" in str(x)]
+    assert told.startswith("the largest differences: r3 4.3, r4 3.7 times the usual one; in a fleet of fewer than 12")
+    alike = fleet_page(replace(alone, members=tuple(usual)), None)
+    assert not any("largest difference" in str(part) for part in alike.parts)
+
+
 def test_what_they_share_is_found(alone):
     columns = [c.name for c in alone.model.estimate.columns]
     for name, value in FRICTION.items():

@@ -235,6 +235,14 @@ def test_dead_torque_names_the_option(value, said):
     assert any("joint2" in w and "never changes" in w for w in found.warnings)
 
 
+def test_a_joint_without_motion_and_torque_is_to_be_locked():
+    """A gripper in a simulator's arrays: the error had named --torque-joints alone."""
+    log = planar_log()
+    q, v, a, tau = (x * np.array([1.0, 0.0]) for x in (log.q, log.v, log.a, log.tau))
+    with pytest.raises(InputError, match=r"lock joint2, without motion in this log \(--lock, lock=\), or leave"):
+        quick(PLANAR, [replace(log, q=q, v=v, a=a, tau=tau)])
+
+
 # ---- too little
 
 

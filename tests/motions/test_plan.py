@@ -17,7 +17,7 @@ from frischid.effects import BASELINE, Coulomb, RotorInertia, Viscous
 from frischid.errors import InputError, UnknownNameError
 from frischid.logs.readers import read_log
 from frischid.motions.collision import Clearance, body_boxes
-from frischid.motions.limits import Excess, MotionLimits, nominal_torque, violations
+from frischid.motions.limits import Excess, MotionLimits, assumed_limits, nominal_torque, violations
 from frischid.motions.motion_cost import Cost
 from frischid.motions.optimality import CRITERIA, Condition, DOptimal, Paper, criterion_of
 from frischid.motions.optimize import Search
@@ -290,6 +290,17 @@ def test_torques_of_links_that_nobody_stated_are_said_to_mean_nothing():
     (said,) = [n for n in plan(made(bare), options=options).notes if "no inertials" in n]
     assert "mean nothing" in said
     assert not any("mean nothing" in n for n in plan(Robot.load("planar2"), options=options).notes)
+
+
+def test_a_plan_says_which_limits_it_takes_where_the_file_states_none():
+    """A range from 0 to 0 is none: `excite` had moved such a joint over half a turn, and named the limits as usual."""
+    text = Robot.load("planar2").urdf
+    assert assumed_limits(made(text)) == ""
+    empty = re.sub(r"<limit[^>]*>", '<limit lower="0" upper="0" velocity="0" effort="30"/>', text, count=1)
+    (said,) = [n for n in plan(made(empty), options=PlanOptions(duration=2.0, budget=20)).notes if "state no" in n]
+    assert "no range of position of joint1 (" in said
+    assert "no speed of joint1 (" in said
+    assert "torque" not in said
 
 
 def test_boxes_where_a_link_has_the_name_of_a_fixed_joint():

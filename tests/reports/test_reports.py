@@ -14,6 +14,7 @@ from browser import OVERLAPS, needs_browser, opened, unroll
 from jinja2 import UndefinedError
 
 from frischid import figures
+from frischid.core.text import sentence
 from frischid.diagnosis import improvement
 from frischid.diagnosis.addition import add
 from frischid.diagnosis.clause import missing
@@ -41,7 +42,6 @@ from frischid.reports.chapters import CHAPTERS
 from frischid.reports.chapters.history import rounded
 from frischid.reports.page import page, report
 from frischid.reports.study import Study, study
-from frischid.reports.study import opened as capital
 from frischid.reports.templates import environment, packed_plotly, render
 from frischid.robot.robot import Robot
 
@@ -350,9 +350,9 @@ def test_an_effect_is_shown_over_the_motion_of_its_own_joint():
 
 
 def test_sentences_begin_with_a_capital_or_a_joint():
-    assert capital("gravity pulls", ("joint1",)) == "Gravity pulls"
-    assert capital("each joint rubs", ("joint1", "joint2")) == "Each joint rubs"
-    assert capital("joint1, joint2 and joint3 feel each other", ("joint1", "joint2")).startswith("joint1,")
+    assert sentence("gravity pulls", ("joint1",)) == "Gravity pulls"
+    assert sentence("each joint rubs", ("joint1", "joint2")) == "Each joint rubs"
+    assert sentence("joint1, joint2 and joint3 feel each other", ("joint1", "joint2")).startswith("joint1,")
 
 
 def test_names_from_files_are_escaped(spring):

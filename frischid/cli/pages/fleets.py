@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from collections.abc import Sequence
 from typing import Any
 
 import numpy as np
@@ -10,6 +11,7 @@ from rich.table import Table
 
 from frischid.cli.pages.page import Page, figure, plain, quantities, table_of, warning_lines
 from frischid.core.text import counted
+from frischid.fleet.deviation import LEAST_ROBOTS
 from frischid.fleet.results import Fleet, Member
 from frischid.robot.robot import Robot
 
@@ -36,6 +38,7 @@ def fleet(found: Fleet, output: str | None) -> Page:
         parts += [f"{escape(m.name)}: {escape(sentence(m))}" for m in different if sentence(m)]
     else:
         parts.append(f"none of {len(members)} robots differs from the others by more than is usual in this fleet")
+        parts += _largest(members)
     if found.skipped:
         parts.append(f"{counted(len(found.skipped), 'log')} skipped; the figures are those of the other logs:")
         parts += [f"  {escape(s.address)}: {escape(s.reason)}" for s in found.skipped[:MOST]]
@@ -45,6 +48,17 @@ def fleet(found: Fleet, output: str | None) -> Page:
     if output:
         parts.append(f"model of the fleet written to {escape(output)}")
     return Page(_data(found), parts, found.alarms)
+
+
+def _largest(members: Sequence[Member]) -> list[str]:
+    """The largest differences of a fleet in which none is called unusual."""
+    above = [m for m in members if m.excess > 1][:MOST]
+    if not above:
+        return []
+    named = ", ".join(f"{escape(m.name)} {m.excess:.2g}" for m in above)
+    hidden = f"; in a fleet of fewer than {LEAST_ROBOTS} robots, two that differ hide one another: leave one out"
+    few = len(above) > 1 and len(members) < LEAST_ROBOTS
+    return [f"the largest differences: {named} times the usual one{hidden * few}"]
 
 
 def _spread(found: Fleet) -> np.ndarray[Any, np.dtype[np.float64]]:

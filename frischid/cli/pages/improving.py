@@ -51,7 +51,7 @@ def diagnosis(result: Diagnosis, moved: MotionDiagnosis | None = None) -> Page:
         best = significant[0]
         found = quantities(best.found(result.validator.model.robot))
         confirm = f" Found: {found}. To confirm: {EFFECTS[best.effect].confirmed_by}." if best.effect in EFFECTS else ""
-        parts.append(f"{sentence(best.sentence)}.{confirm}")
+        parts.append(f"{sentence(best.sentence, best.joints)}.{confirm}")
     if len(significant) > 1:
         parts.append(f"{HOW_RANKED} `frischid improve` adds them one at a time.")
     parts.append(

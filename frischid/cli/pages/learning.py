@@ -89,7 +89,7 @@ def _hidden(result: Demo) -> list[Any]:
         f"[bold]A hidden effect.[/bold] The same arm has a spring now: {HIDDEN} with {values}. Its model has none. "
         "frischid diagnose prints:",
         *diagnosis(result.diagnosis).parts[:3],
-        f"{sentence(best.sentence)}. Found: {found}.",
+        f"{sentence(best.sentence, best.joints)}. Found: {found}.",
         f"Added: {fall_of(step)}",
     ]
 

@@ -17,7 +17,7 @@ from frischid.effects import EFFECTS
 from frischid.figures.style import number
 from frischid.reports.chapters.table import Table
 from frischid.reports.commands import alone
-from frischid.reports.study import Study, opened
+from frischid.reports.study import Study
 
 FINDING_CARDS = 6  # findings with a card; the others stand in the ranking
 RANK_CAPTION = (
@@ -85,7 +85,7 @@ def _cards(study: Study, findings: Sequence[Finding], told: set[frozenset[str]])
 def _card(study: Study, finding: Finding, other: str) -> dict[str, Any]:
     """A finding, and the effect from which a motion should tell it; only its sentence where no effect is known."""
     card: dict[str, Any] = {
-        "sentence": opened(finding.sentence, finding.joints),
+        "sentence": sentence(finding.sentence, finding.joints),
         "change": f"error {finding.change}",
         "facts": [],
         "separate": "",
