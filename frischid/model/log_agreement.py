@@ -33,7 +33,7 @@ from frischid.model.identification_stages import Problem
 from frischid.regression.accumulation import accumulate
 from frischid.regression.moments import Gram, total
 
-ROUNDS = 6
+NOISE_ROUNDS = 6
 """Iterations of parameters and noise: the noise then changes by less than a percent."""
 
 
@@ -120,7 +120,7 @@ def _fit(some: MapProblem, whole_fit: MapEstimate) -> tuple[Array, Array, Array]
     """Base parameters of some logs, their covariance and the residual variances (J,)."""
     kappa, variance = whole_fit.rows, whole_fit.variance
     precision = some.precision(whole_fit.prior.scales)
-    for _ in range(ROUNDS):
+    for _ in range(NOISE_ROUNDS):
         weights = kappa / (some.counts * variance)
         equations = some.rows(weights, precision)
         x, root = equations.solve(), equations.root()
