@@ -34,7 +34,7 @@ from frischid.regression.accumulation import accumulate
 from frischid.regression.moments import Gram, total
 
 NOISE_ROUNDS = 6
-"""Iterations of parameters and noise: the noise then changes by less than a percent."""
+"""Iterations of parameters and noise, as many as `friction_alone` makes."""
 
 
 def disagreeing_logs(problem: Problem, fit: MapEstimate, share: Array, criteria: AlarmCriteria) -> list[Alarm]:
