@@ -111,6 +111,11 @@ class Diagnosis(Shown):
         return f"Diagnosis({found}; NRMSE {self.headline.nrmse:.4f} {self.headline.where})"
 
     @property
+    def shown_before(self) -> tuple[Finding, ...]:
+        """Of `always_missing`, the effects that are called missing on the model's own logs."""
+        return tuple(f for f in self.always_missing if f.significant)
+
+    @property
     def remainder(self) -> str:
         """A sentence on the residual error where no effect is found: this error may be more than the sensor noise.
 
@@ -128,7 +133,7 @@ class Diagnosis(Shown):
             said = f"{missing}: noise {explains} the error, with the parameters that noise leaves uncertain ({figures})"
         else:
             said = f"{missing}: the residual error is that of the sensor noise"
-        named = listed([f.title for f in self.always_missing if f.significant])
+        named = listed([f.title for f in self.shown_before])
         known = f"beside {named}, which the model's own logs already show, " if named else ""
         return f"{known}no effect is {said}{more}"
 

@@ -133,7 +133,8 @@ class Alarm:
 
 FAULTY_LOG = "faulty-log"
 LEFT_OPEN = "log-leaves-open"
-CAUSES = (FAULTY_LOG, "log-too-short")
+LOGS_DISAGREE = "logs-disagree"
+CAUSES = (FAULTY_LOG, LOGS_DISAGREE, "log-too-short")
 """Alarms of the logs themselves: whatever else is wrong may follow from them, so they come first."""
 
 

@@ -26,7 +26,7 @@ from frischid.logs.log import Log
 from frischid.logs.mapping import MappingLike
 from frischid.logs.summary import Data
 from frischid.model.alarms import Alarm, AlarmCriteria, by_severity
-from frischid.model.comparison_alarms import SMALLEST_ERROR, UNLIKE, Elsewhere, elsewhere
+from frischid.model.comparison_alarms import UNLIKE, Elsewhere, elsewhere, is_worse
 from frischid.model.comparison_criteria import COMPARISON_CRITERIA
 from frischid.model.error_sums import ErrorSums
 from frischid.model.events import cross_validated_nrmse
@@ -113,8 +113,9 @@ class Comparison(Shown):
 
     @property
     def behind_urdf(self) -> list[str]:
-        """Joints whose torque the URDF's links with fitted friction predict better; rounding is no error."""
-        return [j.name for j in self.joints if j.nominal < j.nrmse and j.nrmse > SMALLEST_ERROR]
+        """Joints whose torque the URDF's links with fitted friction predict better, as ``worse-than-urdf`` counts."""
+        limits = AlarmCriteria()
+        return [j.name for j in self.joints if is_worse(j.nrmse, j.nominal, j.noise_floor, limits)]
 
     @property
     def constant(self) -> float:

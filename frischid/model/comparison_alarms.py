@@ -90,7 +90,7 @@ def elsewhere(seen: Elsewhere, criteria: AlarmCriteria) -> list[Alarm]:
     before = _extrapolation(seen, criteria)
     after = _surprise(seen, criteria) or _unexpected(seen, before, criteria)
     found = [*before, *after, *_useless(seen, criteria)]
-    if seen.nrmse > max(criteria.worse_than_urdf * seen.urdf, criteria.above_noise * seen.noise_floor, SMALLEST_ERROR):
+    if is_worse(seen.nrmse, seen.urdf, seen.noise_floor, criteria):
         found.append(
             Alarm(
                 "worse-than-urdf",
@@ -104,6 +104,11 @@ def elsewhere(seen: Elsewhere, criteria: AlarmCriteria) -> list[Alarm]:
             )
         )
     return found
+
+
+def is_worse(nrmse: float, urdf: float, noise_floor: float, criteria: AlarmCriteria) -> bool:
+    """Whether an error is above that of the URDF with fitted friction, and above the sensors' noise."""
+    return nrmse > max(criteria.worse_than_urdf * urdf, criteria.above_noise * noise_floor, SMALLEST_ERROR)
 
 
 def _extrapolation(seen: Elsewhere, criteria: AlarmCriteria) -> list[Alarm]:

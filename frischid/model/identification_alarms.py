@@ -36,6 +36,7 @@ from frischid.model.comparison import Comparison
 from frischid.model.fit_record import LEVELS, FitRecord
 from frischid.model.identification_stages import Fit, Problem
 from frischid.model.joint_inertia import least_inertia
+from frischid.model.log_agreement import disagreeing_logs
 from frischid.model.log_faults import faulty_logs
 from frischid.model.model import Model
 from frischid.model.physical_alarms import as_one, indefinite_mass, wrong_signs
@@ -110,12 +111,17 @@ def fit_alarms(
         *too_short(problem.data.summary.seconds, criteria),
         *never_moving(still),
         *faulty_logs(_harmful(problem.data.journal.faults, errors, there, criteria)),
+        *disagreeing_logs(problem, posterior, _share(model), criteria),
         *as_one(
             wrong_signs([*posterior.contradicted, *_negative_rotors(problem, posterior)], criteria, _values(fit)),
             indefinite_mass(model, least_inertia(model, map(_poses, problem.data.motions)), "fitted poses", criteria),
         ),
     ]
     return by_severity(found)
+
+
+def _share(model: Model) -> Array:
+    return np.ones(len(model.joints)) if model.fitted is None else model.fitted.model_share
 
 
 def _harmful(

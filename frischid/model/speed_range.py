@@ -51,20 +51,24 @@ class SpeedRange(NamedTuple):
         Examples
         --------
         >>> print(SpeedRange(3.02, 33.1))
-        on the path of the fitted logs, the error is expected to double at about 3 times their speed; the URDF's speed
-        limits allow 33 times
+        on the path of the fitted logs, the cross-validated error is expected to double at about 3 times their speed;
+        the URDF's speed limits allow 33 times
         >>> print(SpeedRange(1.8, 1.8))
-        on the path of the fitted logs, the error is not expected to double up to the URDF's speed limits, 1.8 times
-        their speed
+        on the path of the fitted logs, the cross-validated error is not expected to double up to the URDF's speed
+        limits, 1.8 times their speed
+        >>> print(SpeedRange(1.0, 1.0))
+        the fitted logs reach the URDF's speed limits
         """
         limited = self.allowed < LARGEST_FACTOR
+        if f"{self.allowed:.2g}" == "1":
+            return "the fitted logs reach the URDF's speed limits"
         if self.doubles >= self.allowed:
             limits = "the URDF's speed limits, " if limited else ""
             end = f"not expected to double up to {limits}{self.allowed:.2g} times their speed"
         else:
             limits = f"; the URDF's speed limits allow {self.allowed:.2g} times" if limited else ""
             end = f"expected to double at about {self.doubles:.2g} times their speed{limits}"
-        return f"on the path of the fitted logs, the error is {end}"
+        return f"on the path of the fitted logs, the cross-validated error is {end}"
 
 
 def speed_range(model: Model, motions: Sequence[Motion], usual: float, criteria: AlarmCriteria) -> SpeedRange | None:

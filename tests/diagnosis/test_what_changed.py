@@ -149,6 +149,9 @@ def test_a_change_beside_an_effect_that_was_always_missing_is_a_change(machine):
         always
     )
     assert all(f.effect != "quadratic_viscous" for f in found.findings if f.significant)
+    before = "; the model's own logs already show quadratic_viscous on joint1 (probability 9"
+    for verdict in ("effect", "unknown"):  # the lead of the report said "more is missing than any one effect explains"
+        assert (before in missing(replace(found, verdict=verdict))) == bool(always)
     nothing_new = replace(found, verdict="none", findings=(), probabilities={})
     shown = "Beside quadratic_viscous on joint1, which the model's own logs already show, no effect is "
     assert missing(nothing_new).startswith(shown if always else "No effect is ")

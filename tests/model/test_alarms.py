@@ -15,7 +15,7 @@ from frischid.model.alarms import (
     too_short,
     undetermined,
 )
-from frischid.model.comparison_alarms import Elsewhere, elsewhere
+from frischid.model.comparison_alarms import Elsewhere, elsewhere, is_worse
 from frischid.model.identification_alarms import run_faster
 from frischid.model.physical_alarms import wrong_signs
 from frischid.regression.regressor import Regressor
@@ -44,6 +44,15 @@ def seen(**changes):
         "noise_floor": 0.02,
     }
     return Elsewhere(**(figures | changes))
+
+
+@pytest.mark.parametrize(
+    ("nrmse", "urdf", "floor", "worse"),
+    [(0.0739, 0.0737, 0.05, False), (0.2, 0.1, 0.05, True), (0.06, 0.05, 0.05, False)],
+)
+def test_a_joint_is_behind_the_urdf_by_the_rule_of_the_alarm(nrmse, urdf, floor, worse):
+    """TIAGo's arm_4: errors of 0.0739 and 0.0737, and a warning that the URDF predicts this joint better."""
+    assert is_worse(nrmse, urdf, floor, CRITERIA) == worse
 
 
 def test_an_ordinary_log_raises_nothing():

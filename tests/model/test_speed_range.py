@@ -70,4 +70,4 @@ def test_every_surface_tells_it(tmp_path):
     assert str(FOUND.speed_range) in " ".join(CliRunner().invoke(main, words).output.split())
     page = tmp_path / "page.html"
     CliRunner().invoke(main, ["report", str(model), str(log), "-o", str(page)])
-    assert "On the path of the fitted logs, the error is" in page.read_text(encoding="utf-8")
+    assert "On the path of the fitted logs, the cross-validated error is" in page.read_text(encoding="utf-8")

@@ -181,6 +181,12 @@ def _next(study: Study, model_path: str) -> list[dict[str, Any]]:
     touched = diagnosis is not None and TOUCHED in diagnosis.notes
     if diagnosis is not None and touched:
         found.append({"kind": "cut", "command": _cut(study, diagnosis)})
+    elif diagnosis is not None and diagnosis.verdict == "unknown" and diagnosis.shown_before:
+        known = diagnosis.shown_before[0]
+        where = f" --joints {shlex.quote(','.join(known.joints))}" if known.joints else ""
+        own = "" if paths_of(study.model) else " LOG..."
+        add = f"frischid add {given} {known.effect}{where}{own}{_tests(study) if not own else ''} -o {better}"
+        found.append({"kind": "known", "effect": known.effect, "command": add})
     elif diagnosis is not None and diagnosis.verdict == "unknown":
         found.append({"kind": "formula", "command": f"frischid studio {given}{logs}"})
     elif len(pair) == 2:

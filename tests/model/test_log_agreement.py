@@ -1,0 +1,57 @@
+"""Logs of two robots in one fit raise an alarm; logs of one robot do not, whatever they show."""
+
+import numpy as np
+import pytest
+
+import frischid as fr
+from frischid.model import log_agreement
+from frischid.model.alarms import LOGS_DISAGREE
+
+NOISE = fr.Noise(q=1e-5, tau=0.02)
+LOADED = {"m2": 3.0, "mx2": 1.0}
+
+
+@pytest.fixture(scope="module")
+def arm():
+    return fr.Robot.load("planar2")
+
+
+def log_of(robot, seed, seconds=12.0, effects=fr.BASELINE, **parameters):
+    motion = fr.random_fourier(robot, seconds, seed=seed)
+    return fr.simulate(
+        robot, motion, rate=100, noise=NOISE, seed=seed, name=f"log{seed}", effects=effects, parameters=parameters
+    )
+
+
+def disagreement(robot, logs, **options):
+    found = fr.identify(robot, logs, recursion="none", **options)
+    return [alarm for alarm in found.alarms if alarm.id == LOGS_DISAGREE]
+
+
+@pytest.mark.parametrize("prior", ["urdf", "none"])
+def test_a_load_in_one_of_two_logs_is_an_alarm(arm, prior):
+    (alarm,) = disagreement(arm, [log_of(arm, 1), log_of(arm, 2, **LOADED)], prior=prior)
+    assert alarm.severity == "severe"
+    assert "log1 and log2" in alarm.sentence
+    assert "joint2" in alarm.joints
+    assert alarm.value > 2 * alarm.limit
+
+
+def test_the_one_log_of_another_robot_is_named(arm):
+    (alarm,) = disagreement(arm, [log_of(arm, seed) for seed in (1, 2, 3)] + [log_of(arm, 4, **LOADED)])
+    assert "log4 is unlike" in alarm.sentence
+
+
+def test_logs_of_one_robot_agree(arm):
+    assert disagreement(arm, [log_of(arm, 1), log_of(arm, 2), log_of(arm, 3, seconds=5.0)]) == []
+
+
+def test_logs_of_one_robot_with_an_effect_that_the_model_lacks_agree(arm):
+    effects = (*fr.BASELINE, *fr.parse_effects("joint_spring"))
+    assert disagreement(arm, [log_of(arm, seed, effects=effects, ks2=1.0) for seed in (1, 2)]) == []
+
+
+def test_a_log_that_shows_more_than_the_others_but_explains_them_is_no_alarm(arm, monkeypatch):
+    ratios = iter([np.array([9.0, 9.0]), np.array([1.0, 1.2])] * 2)
+    monkeypatch.setattr(log_agreement, "_surprise", lambda *_: next(ratios))
+    assert disagreement(arm, [log_of(arm, 1), log_of(arm, 2)]) == []
