@@ -8,7 +8,8 @@ Comes in: a model and logs. Goes out: findings with evidence, a verdict, and bet
 3. `cross_validation` (`dataset`, `model_columns`, `weighted_fit`): the model's cross-validated error, fold by fold.
 4. `contacts` (`robust_fit`): stretches of time in which something touched the robot are left out.
 5. `findings` (`shape_screening`, `scored_candidate`, `symmetric_shifts`, `block_test`, `shape_refinement`,
-   `stepwise_selection`, `effect_ranking`): every effect in every place is scored, alone and together.
+   `stepwise_selection`, `effect_ranking`): every effect in every place is scored, alone and together. `after_change`:
+   of a changed robot also beside the old parameters that hold a part of the effect.
 6. `unmodelled_terms` (`gear_steps`, `reversal_residuals`): is the first finding the cause, or does a term outside the
    catalogue explain far more?
 7. `verdict`: none, effect, several, contact or unknown; `residual_formula` describes an unknown residual.

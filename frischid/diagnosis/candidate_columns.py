@@ -38,12 +38,20 @@ class Candidate:
         Known signs of the k coefficients; 0 where unknown.
     finite : bool
         Whether all values are finite.
+    beside : tuple of Effect
+        Changes of old parameters whose columns follow those of the effect (`after_change`).
     """
 
     effect: Effect
     columns: Mapping[int, Series]
     signs: tuple[int, ...]
     finite: bool = True
+    beside: tuple[Effect, ...] = ()
+
+    @property
+    def effects(self) -> tuple[Effect, ...]:
+        """The effect, and the changes beside it."""
+        return (self.effect, *self.beside)
 
     def over(self, data: JointData) -> Array:
         """Columns at the rows of a joint, (n, k)."""

@@ -63,7 +63,7 @@ def find_effects(
         for name, kind in EFFECTS.items()
         if (only is None or name in only) and not (kind.change and situation == "always")
     ]
-    ranked = ranking(validator, kinds, progress)
+    ranked = ranking(validator, kinds, progress, changed=situation == "changed")
     noise = floor.under(ranked.full, ranked.entered)
     moving = ~only_at_reversals(validator, noise)
     floors = noise, floor.without_effects(noise)
@@ -84,11 +84,13 @@ def _finding(
     noise, least = (floor / validator.spread for floor in floors)
     rows = list(effect.together.columns)
     seen = [row for row in rows if moving[row]]
-    members = tuple(place.effect for place in effect.places)
+    members = tuple(e for place in effect.places for e in place.candidate.effects)
     joints = tuple(dict.fromkeys(j for e in members for j in (e.joints or ())))
     names = [c.name for e in members for c in e.columns(validator.model.robot)]
     shapes = {
-        f"{k}_{n}" if len(members) > 1 else k: v for n, e in enumerate(members, 1) for k, v in shape_of(e).items()
+        f"{k}_{n}" if len(effect.places) > 1 else k: v
+        for n, place in enumerate(effect.places, 1)
+        for k, v in shape_of(place.effect).items()
     }
     said = about(joints, effect.kind.sentence)
     if effect.elsewhere:

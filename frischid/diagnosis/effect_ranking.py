@@ -24,6 +24,7 @@ from typing import TypeVar
 
 import numpy as np
 
+from frischid.diagnosis.after_change import with_old_parameters
 from frischid.diagnosis.block_test import block_test, less_error
 from frischid.diagnosis.candidate_columns import Candidate
 from frischid.diagnosis.candidate_fits import Score
@@ -80,6 +81,11 @@ class ScoredEffect:
         """Class of the effect."""
         return type(self.together.effect)
 
+    @property
+    def contains(self) -> set[str]:
+        """Effects that this one contains: those of its equation, and the changes of old parameters beside it."""
+        return {*self.kind.generalises, *(type(e).id for place in self.places for e in place.candidate.beside)}
+
 
 @dataclass(frozen=True, eq=False)
 class Ranking:
@@ -105,11 +111,19 @@ class Ranking:
 
 
 def ranking(
-    validator: CrossValidator, kinds: Iterable[type[Effect]], progress: Callable[[str], None] = lambda _: None
+    validator: CrossValidator,
+    kinds: Iterable[type[Effect]],
+    progress: Callable[[str], None] = lambda _: None,
+    *,
+    changed: bool = False,
 ) -> Ranking:
-    """Score every effect of some kinds that can act on this robot, and put them in order."""
+    """Score every effect of some kinds that can act on this robot, and put them in order.
+
+    `changed`: the robot changed, and the parameters of the model are those from before.
+    """
     places = [alternatives for kind in kinds for alternatives in kind.candidates(validator.model.robot)]
     usable = usable_candidates(validator, places, progress)
+    usable = with_old_parameters(validator, usable) if changed else usable
     validator.fits([c for shapes in usable for c in shapes])
     alone = (scored(validator, shapes) for shapes in usable if shapes)
     pool = [_told(validator, found, progress) for found in alone if found is not None]
@@ -131,8 +145,9 @@ def ranking(
         effects.append(_joined(validator, best, part, tried, bool(entered)))
     level = validator.criteria.significance
     effects.sort(key=lambda e: (not e.entered, -e.own.new, -e.own.part, e.p_value > level, -e.explained, -e.gain))
+    every = tuple(effect for c in chosen for effect in c.candidate.effects)
     effects = _with_other_places(validator, _with_rivals(validator, _instead_of_first(validator, effects, pool)), pool)
-    return Ranking(effects, full, with_all(validator, others), tuple(c.effect for c in chosen), tuple(smoothing))
+    return Ranking(effects, full, with_all(validator, others), every, tuple(smoothing))
 
 
 def _told(
@@ -218,10 +233,10 @@ def _with_rivals(validator: CrossValidator, found: list[ScoredEffect]) -> list[S
         return found
     criteria, top = validator.criteria, found[0]
     rivals = _instead(validator, top, found[1:])
-    wider = [r for r in rivals if top.kind.id in r.kind.generalises]
+    wider = [r for r in rivals if top.kind.id in r.contains]
     over = {r.kind.id: _over(validator, r, top) for r in rivals}
     sure = [r for r in rivals if over[r.kind.id] > 0 and r.p_value <= criteria.significance and r not in wider]
-    simpler = [r for r in rivals if r.kind.id in top.kind.generalises] + sure
+    simpler = [r for r in rivals if r.kind.id in top.contains] + sure
     first = max(simpler, key=lambda r: over[r.kind.id], default=top)
     names = {top.kind.id, *(r.kind.id for r in rivals)} - {first.kind.id}
     result = [replace(first, rivals=tuple(sorted(names)), entered=True, own=top.own)]

@@ -8,6 +8,7 @@ from __future__ import annotations
 from collections.abc import Sequence
 
 from frischid.core.text import listed
+from frischid.diagnosis.after_change import with_old_parameters
 from frischid.diagnosis.criteria import DIAGNOSIS_CRITERIA, DiagnosisCriteria
 from frischid.diagnosis.scored_candidate import scored, usable_candidates, with_model_width
 from frischid.diagnosis.shape_refinement import refined
@@ -30,6 +31,8 @@ def searched(
 ) -> tuple[Effect, ...]:
     """Find the best shape, joint by joint, of effects whose shape the user did not state, as `diagnose` finds it.
 
+    Where the robot changed, the changes of old parameters that come with an effect are among the effects returned.
+
     Parameters
     ----------
     model : Model
@@ -51,14 +54,16 @@ def searched(
             chosen.append(effect)
             continue
         alternatives = _alternatives(effect, model)
-        if not effect.shapes and all(len(shapes) == 1 for shapes in alternatives):
+        taken: Situation = "changed" if situation == "changed" else "always"
+        alone = taken == "always" or not effect.after_change
+        if alone and not effect.shapes and all(len(shapes) == 1 for shapes in alternatives):
             chosen.append(with_model_width(effect, model.effects))
             continue
-        taken: Situation = "changed" if situation == "changed" else "always"
         validator, _ = cross_validator(model, logs, taken, criteria=criteria)
         usable = usable_candidates(validator, alternatives)
+        usable = usable if alone else with_old_parameters(validator, usable)
         best = [found for shapes in usable if shapes and (found := scored(validator, shapes)) is not None]
-        chosen += [refined(validator, found).effect for found in best]
+        chosen += [e for found in best for e in refined(validator, found).candidate.effects]
         if not (best or effect.shapes):
             chosen.append(effect)  # the refit says why it cannot be added
     unfitted = [n for effect in effects for n in effect.joints or () if n not in model.joints]
@@ -69,7 +74,7 @@ def searched(
         )
     if not chosen:
         raise InputError(f"{text}: on these logs the model's own columns span this effect; adding it changes nothing")
-    return tuple(chosen)
+    return tuple(dict.fromkeys(chosen))
 
 
 def _alternatives(effect: Effect, model: Model) -> list[list[Effect]]:

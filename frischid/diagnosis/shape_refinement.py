@@ -10,6 +10,7 @@ from __future__ import annotations
 
 from collections.abc import Sequence
 
+from frischid.diagnosis.after_change import with_old_parameters
 from frischid.diagnosis.cross_validation import CrossValidator
 from frischid.diagnosis.scored_candidate import ScoredCandidate, scored, usable_candidates
 from frischid.effects import Effect
@@ -37,6 +38,8 @@ def refined(validator: CrossValidator, found: ScoredCandidate) -> ScoredCandidat
                 moved for name, step in steps.items() if step for moved in _beside(found.effect, name, fraction * step)
             ]
             (candidates,) = usable_candidates(validator, [near])
+            if found.candidate.beside:
+                (candidates,) = with_old_parameters(validator, [candidates])
             better = scored(validator, candidates) if candidates else None
             if better is None or better.explained <= found.explained:
                 break

@@ -124,11 +124,14 @@ def _most_promising(validator: CrossValidator, pool: Sequence[ScoredCandidate]) 
 
 
 def excluded(candidate: ScoredCandidate, chosen: ScoredCandidate) -> bool:
-    """Whether a model cannot have a candidate beside a chosen one of the same kind.
+    """Whether a model cannot have a candidate beside a chosen one.
 
-    The kind acts in one place only, or both act on the same joints, so that their parameters have the same names.
+    Both are of a kind that acts in one place only, or that has the same names of parameters on the same joints. Or both
+    have the same change of old parameters.
     """
     one, other = candidate.effect, chosen.effect
+    if not {*candidate.candidate.beside}.isdisjoint(chosen.candidate.effects) or one in chosen.candidate.beside:
+        return True
     return type(one) is type(other) and (one.single or (one.joints == other.joints and not one.several))
 
 

@@ -97,6 +97,9 @@ class Effect(ABC):
     """Places that the diagnosis tries: one joint at a time, the whole robot, or none."""
     change: ClassVar[bool] = False
     """Whether the effect is an event in a robot's life (a payload, a tilt) and not part of the robot from the start."""
+    after_change: ClassVar[tuple[str, ...]] = ()
+    """Changes of old parameters that come with the effect where the robot changed, because its equation relies on them.
+    """
     several: ClassVar[bool] = False
     """Whether the effect may come more than once on the same joints, with other parameters."""
     single: ClassVar[bool] = False

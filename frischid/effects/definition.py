@@ -70,7 +70,7 @@ def check_class(kind: type[Any], base: type[Any]) -> None:
         raise _wrong(kind, "smooths_sign needs a field of the width, such as width: float = 0.005")
     if kind.candidate not in ("joint", "robot", "never"):
         raise _wrong(kind, f"candidate must be 'joint', 'robot' or 'never', got {kind.candidate!r}")
-    for key in ("confused_with", "generalises"):
+    for key in ("confused_with", "generalises", "after_change"):
         value = getattr(kind, key, ())
         if not isinstance(value, tuple) or not all(isinstance(x, str) for x in value):
             raise _wrong(kind, f'{key} must be a tuple of effect ids, such as ("viscous",), got {value!r}')

@@ -49,6 +49,7 @@ class LoadFriction(Effect):
     reference: ClassVar[str] = "Hamon, Gautier and Garrec 2010, IEEE/RSJ IROS"
 
     friction: ClassVar[bool] = True
+    after_change: ClassVar[tuple[str, ...]] = ("friction_change",)
     code: ClassVar[Mapping[str, str]] = {"fl": "abs({load}) * tanh({v} / {width})"}
 
     dry: ClassVar[bool] = True
@@ -100,6 +101,7 @@ class LoadStribeck(Effect):
     reference: ClassVar[str] = "Bittencourt and Gunnarsson 2012, ASME J. Dyn. Systems, Meas. and Control 134(5)"
 
     friction: ClassVar[bool] = True
+    after_change: ClassVar[tuple[str, ...]] = ("friction_change",)
     code: ClassVar[Mapping[str, str]] = {
         "fsl": "abs({load}) * tanh({v} / {width}) * exp(-abs({v}) / {speed})",
     }
@@ -159,6 +161,7 @@ class PositionFriction(Effect):
     reference: ClassVar[str] = "Armstrong 1988, IEEE ICRA"
 
     friction: ClassVar[bool] = True
+    after_change: ClassVar[tuple[str, ...]] = ("friction_change",)
     code: ClassVar[Mapping[str, str]] = {"fp": "({q} - {middle}) * tanh({v} / {width})"}
 
     dry: ClassVar[bool] = True

@@ -54,6 +54,7 @@ class Stribeck(Effect):
     reference: ClassVar[str] = "Bo and Pavelescu 1982, Wear 82(3)"
 
     friction: ClassVar[bool] = True
+    after_change: ClassVar[tuple[str, ...]] = ("friction_change",)
     code: ClassVar[Mapping[str, str]] = {"fs": "tanh({v} / {width}) * exp(-pow(abs({v}) / {speed}, {exponent}))"}
 
     dry: ClassVar[bool] = True
@@ -101,6 +102,7 @@ class QuadraticViscous(Effect):
     reference: ClassVar[str] = "Simoni, Beschi, Legnani and Visioli 2015, IEEE/RSJ IROS"
 
     friction: ClassVar[bool] = True
+    after_change: ClassVar[tuple[str, ...]] = ("friction_change",)
     code: ClassVar[Mapping[str, str]] = {"fvv": "{v} * abs({v})"}
 
     def terms(self, state: State) -> list[Term]:
@@ -124,6 +126,7 @@ class CubicViscous(Effect):
     reference: ClassVar[str] = "Taghirad and Bélanger 1998, ASME J. Dynamic Systems, Measurement and Control 120(4)"
 
     friction: ClassVar[bool] = True
+    after_change: ClassVar[tuple[str, ...]] = ("friction_change",)
     code: ClassVar[Mapping[str, str]] = {"fvvv": "{v} * {v} * {v}"}
 
     def terms(self, state: State) -> list[Term]:
@@ -150,6 +153,7 @@ class AsymmetricViscous(Effect):
     reference: ClassVar[str] = "Armstrong-Hélouvry 1991, Control of Machines with Friction, Kluwer"
 
     friction: ClassVar[bool] = True
+    after_change: ClassVar[tuple[str, ...]] = ("friction_change", "offset_change")
     code: ClassVar[Mapping[str, str]] = {"fva": "abs({v})"}
 
     def terms(self, state: State) -> list[Term]:
@@ -183,6 +187,7 @@ class AsymmetricCoulomb(Effect):
     reference: ClassVar[str] = "Armstrong-Hélouvry 1991, Control of Machines with Friction, Kluwer"
 
     friction: ClassVar[bool] = True
+    after_change: ClassVar[tuple[str, ...]] = ("friction_change", "offset_change")
     same_in_motion: ClassVar[str] = "offset"
     code: ClassVar[Mapping[str, str]] = {"fca": "tanh(abs({v}) / {width})"}
 

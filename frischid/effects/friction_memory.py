@@ -94,6 +94,7 @@ class Hysteresis(Effect):
     reference: ClassVar[str] = "Dahl 1968, Aerospace Corporation TOR-0158; Canudas de Wit et al. 1995, IEEE TAC 40(3)"
 
     friction: ClassVar[bool] = True
+    after_change: ClassVar[tuple[str, ...]] = ("friction_change",)
     code: ClassVar[Mapping[str, str]] = {"fh": "{z} - tanh({v} / {width})"}
 
     dry: ClassVar[bool] = True
@@ -143,6 +144,7 @@ class CableHose(Effect):
     )
     reference: ClassVar[str] = "Wang, Gondokaryono, Munawar and Fischer 2019, IEEE Robotics and Automation Letters 4(4)"
     generalises: ClassVar[tuple[str, ...]] = ("joint_spring", "hysteresis")
+    after_change: ClassVar[tuple[str, ...]] = ("offset_change",)
     code: ClassVar[Mapping[str, str]] = {"kh": "{q}", "fz": "{z}"}
 
     memory: ClassVar[bool] = True

@@ -103,6 +103,7 @@ class SelfHeating(Effect):
     reference: ClassVar[str] = "Bittencourt and Axelsson 2014, IEEE/ASME Trans. Mechatronics 19(5)"
 
     friction: ClassVar[bool] = True
+    after_change: ClassVar[tuple[str, ...]] = ("friction_change",)
     code: ClassVar[Mapping[str, str]] = {"fvh": "{v} * {heat}", "fch": "tanh({v} / {width}) * {heat}"}
 
     dry: ClassVar[bool] = True

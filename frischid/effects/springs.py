@@ -70,6 +70,7 @@ class JointSpring(Effect):
     )
     reference: ClassVar[str] = "Arakelian 2016, Advanced Robotics 30(2)"
 
+    after_change: ClassVar[tuple[str, ...]] = ("offset_change",)
     code: ClassVar[Mapping[str, str]] = {
         "ks": "{q}",
         "bs": "sin({q})",

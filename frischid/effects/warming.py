@@ -115,6 +115,7 @@ class ThermalDrift(Warming):
     reference: ClassVar[str] = "Bittencourt, Wernholt, Sander-Tavallaey and Brogårdh 2010, IEEE/RSJ IROS"
 
     friction: ClassVar[bool] = True
+    after_change: ClassVar[tuple[str, ...]] = ("friction_change",)
     code: ClassVar[Mapping[str, str]] = {
         "fvt": "{v} * -expm1(-{t} / {constant})",
         "fct": "tanh({v} / {width}) * -expm1(-{t} / {constant})",
@@ -162,6 +163,7 @@ class TorqueDrift(Warming):
     reference: ClassVar[str] = "Albu-Schäffer et al. 2007, Industrial Robot 34(5)"
 
     of_recording: ClassVar[bool] = True
+    after_change: ClassVar[tuple[str, ...]] = ("offset_change",)
     code: ClassVar[Mapping[str, str]] = {
         "offt": "-expm1(-{t} / {constant})",
         "offT": "({temperature} - {at})",

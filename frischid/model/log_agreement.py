@@ -31,10 +31,13 @@ from frischid.model.alarms import LOGS_DISAGREE, Alarm, AlarmCriteria
 from frischid.model.comparison_alarms import SMALLEST_ERROR, times_of
 from frischid.model.identification_stages import Problem
 from frischid.regression.accumulation import accumulate
-from frischid.regression.moments import Gram, total
+from frischid.regression.moment_blocks import total
+from frischid.regression.moments import Gram
 
 NOISE_ROUNDS = 6
-"""Iterations of parameters and noise, as many as `friction_alone` makes."""
+"""Most iterations of parameters and noise, as many as `friction_alone` makes."""
+SETTLED = 0.01
+"""Relative change of the variances below which the noise is found: half a percent of an error whose limit is 3."""
 
 
 def disagreeing_logs(problem: Problem, fit: MapEstimate, share: Array, criteria: AlarmCriteria) -> list[Alarm]:
@@ -121,11 +124,14 @@ def _fit(some: MapProblem, whole_fit: MapEstimate) -> tuple[Array, Array, Array]
     kappa, variance = whole_fit.rows, whole_fit.variance
     precision = some.precision(whole_fit.prior.scales)
     for _ in range(NOISE_ROUNDS):
+        before = variance
         weights = kappa / (some.counts * variance)
         equations = some.rows(weights, precision)
         x, root = equations.solve(), equations.root()
         used = weights * np.einsum("jab,ba->j", some.G, root @ root.T)
         variance = some.squares(x) / some.counts * kappa / np.maximum(kappa - used, 0.05 * kappa)
         variance = np.maximum(variance, 1e-300 + SMALLEST_ERROR**4 * whole_fit.variance)
+        if np.allclose(variance, before, rtol=SETTLED):
+            break
     base = some.A @ root
     return some.A @ x, base @ base.T, variance

@@ -332,13 +332,21 @@ def test_a_shift_that_explains_as_much_as_the_opposite_one_is_no_delay():
 
 def test_two_couplings_of_the_same_joints_exclude_each_other():
     def of(text):
-        return SimpleNamespace(effect=parse_effects(text)[0])
+        effect, *beside = parse_effects(text)
+        candidate = Candidate(effect, {}, (), beside=tuple(beside))
+        return SimpleNamespace(effect=effect, candidate=candidate)
 
     total, difference = of("joint_coupling(ratio=1)@joint1+joint2"), of("joint_coupling(ratio=-1)@joint1+joint2")
     assert excluded(total, difference)
     assert not excluded(total, of("joint_coupling(ratio=1)@joint2+joint3"))
     assert excluded(of("cogging(order=6)@joint1"), of("cogging(order=12)@joint1"))  # A1 and B1 of both
     assert not excluded(of("joint_spring@joint1"), of("hysteresis@joint1"))
+    spring, offset = of("joint_spring@joint1, offset_change@joint1"), of("offset_change@joint1")
+    assert excluded(spring, offset), "both have the column of the offset"
+    assert excluded(offset, spring)
+    assert excluded(spring, of("cable_hose@joint1, offset_change@joint1"))
+    assert not excluded(spring, of("cable_hose@joint2, offset_change@joint2"))
+    assert not excluded(spring, of("hysteresis@joint1, friction_change@joint1"))
 
 
 @pytest.mark.parametrize(("known", "tried"), [("viscous, coulomb, offset", 0), ("viscous, coulomb", 1)])

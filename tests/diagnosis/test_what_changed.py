@@ -16,8 +16,10 @@ from frischid.diagnosis.roles import (
     logs_before_change,
     roles,
 )
+from frischid.diagnosis.shape_choice import searched
 from frischid.diagnosis.situation import cross_validator
 from frischid.effects import BASELINE, parse_effects
+from frischid.effects.friction_memory import presliding
 from frischid.logs.log import Log
 from frischid.logs.readers import read_log, write_log
 from frischid.model.headline import headline
@@ -219,3 +221,51 @@ def test_parameters_of_a_change_that_the_logs_leave_open_are_called_unknown():
     assert mass.stderr > 1000 * abs(mass.value)
     assert changed.parameters["dmx2"].stderr < 1.0, "this one is determined"
     assert np.linalg.eigvalsh(changed.estimate.covariance)[0] > 0
+
+
+NEW = {
+    "joint_spring": lambda t, q, v: 1.5 * (q - 1.2),
+    "hysteresis": lambda t, q, v: presliding(t, v, 0.03),
+    "asymmetric_viscous": lambda t, q, v: np.where(v > 0, 0.4 + 0.5 * v, 0.0),
+    "torque_drift": lambda t, q, v: 1.2 * np.exp(-t / 15),
+}
+"""Torques that came after the model was identified, in whole: none is measured from an old parameter of the model."""
+
+
+@pytest.mark.parametrize("machine", ["clean"], indirect=True)
+@pytest.mark.parametrize("name", NEW)
+def test_what_comes_later_brings_the_old_parameters_that_hold_a_part_of_it(machine, name):
+    """A spring's angle without torque was searched in the offset of before, and new friction in the old one."""
+    _, model = machine
+
+    def later(seed: int) -> Log:
+        log = log_of(seed, "", 0.5)
+        tau = np.array(log.tau)
+        tau[:, 1] += NEW[name](log.t, log.q[:, 1], np.gradient(log.q[:, 1], log.t))
+        return replace(log, tau=tau, source=f"{log.source} later")
+
+    found = diagnose_in_roles(model, [later(4)])
+    first = found.findings[0]
+    assert (found.situation, first.effect, first.joints) == ("changed", name, ("joint2",))
+    assert first.probability > 0.8
+    assert {e.id for e in first.members} > {name}, "beside a change of old parameters"
+    assert len(first.parameters) >= sum(len(e.columns(PLANAR2)) for e in first.members)
+    steps, _ = improve(model, [later(4)], max_steps=1)
+    assert steps[0].effect.id == name
+    before, after = (fr.compare(m, [later(6)]).nrmse for m in (model, steps[0].model))
+    assert after < 0.4 * before, "on another log of the changed robot too"
+    searched_for = searched(model, parse_effects(f"{name}@joint2"), f"{name}@joint2", [later(4)], "changed")
+    assert {e.id for e in searched_for} == {e.id for e in first.members}, "frischid add adds the same"
+
+
+@pytest.mark.parametrize("machine", ["clean"], indirect=True)
+def test_changed_friction_alone_has_no_rivals_that_contain_it(machine):
+    """Every effect of friction beside the change of friction explains as much: they had shared the probability."""
+    _, model = machine
+    log = log_of(4, "", 0.5)
+    v = np.gradient(log.q[:, 1], log.t)
+    tau = np.array(log.tau)
+    tau[:, 1] += 0.3 * np.sign(v) + 0.3 * v
+    found = diagnose_in_roles(model, [replace(log, tau=tau, source="later")])
+    assert [e.id for e in found.findings[0].members] == ["friction_change"]
+    assert found.findings[0].probability > 0.8

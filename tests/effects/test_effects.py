@@ -133,6 +133,12 @@ def test_columns_are_the_same_with_and_without_samples(name, kind):
                     assert np.isfinite(values).all()
 
 
+@every_effect
+def test_what_comes_with_an_effect_after_a_change_is_a_change(kind):
+    assert all(EFFECTS[name].change for name in kind.after_change)
+    assert not kind.change or not kind.after_change
+
+
 @pytest.mark.parametrize("name", serial_arms())
 def test_the_catalogue_fits_every_arm(name):
     machine = Robot.load(name)
