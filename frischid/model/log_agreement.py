@@ -36,7 +36,7 @@ from frischid.regression.moments import Gram
 
 NOISE_ROUNDS = 6
 """Most iterations of parameters and noise, as many as `friction_alone` makes."""
-SETTLED = 0.01
+NOISE_FOUND = 0.01
 """Relative change of the variances below which the noise is found: half a percent of an error whose limit is 3."""
 
 
@@ -131,7 +131,7 @@ def _fit(some: MapProblem, whole_fit: MapEstimate) -> tuple[Array, Array, Array]
         used = weights * np.einsum("jab,ba->j", some.G, root @ root.T)
         variance = some.squares(x) / some.counts * kappa / np.maximum(kappa - used, 0.05 * kappa)
         variance = np.maximum(variance, 1e-300 + SMALLEST_ERROR**4 * whole_fit.variance)
-        if np.allclose(variance, before, rtol=SETTLED):
+        if np.allclose(variance, before, rtol=NOISE_FOUND):
             break
     base = some.A @ root
     return some.A @ x, base @ base.T, variance
