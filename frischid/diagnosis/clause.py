@@ -7,24 +7,21 @@ from frischid.diagnosis.result import Diagnosis
 from frischid.diagnosis.rivals import beside, cause_of
 from frischid.model.alarms import FAULTY_LOG
 
-SHOWN_BEFORE = "already show"
-"""Words of the effects that the model's own logs show; `Diagnosis.remainder` may say them."""
-
 
 def missing(diagnosis: Diagnosis) -> str:
     """The clause, as the subject line of a page: a capital, and no full stop."""
     more = beside(diagnosis.findings) if diagnosis.verdict == "effect" else []
     also = f"; probably also missing: {listed([f.title for f in more])}" if more else ""
     changed = "; assumed: the robot changed since it was identified" if diagnosis.situation == "changed" else ""
-    first = _first(diagnosis)
-    return on_condition(diagnosis, f"{first}{also}{changed}{'' if SHOWN_BEFORE in first else _before(diagnosis)}")
+    before = "" if diagnosis.verdict == "none" else _before(diagnosis)  # without an effect, the remainder says so
+    return on_condition(diagnosis, f"{_first(diagnosis)}{also}{changed}{before}")
 
 
 def _before(diagnosis: Diagnosis) -> str:
     """The effect that the model's own logs already show: it is as wrong on new logs, whatever came later."""
     shown = diagnosis.shown_before[:1]
     named = [f"{f.title} (probability {percent(f.probability)})" for f in shown]
-    return f"; the model's own logs {SHOWN_BEFORE} {listed(named)}" if named else ""
+    return f"; the model's own logs already show {listed(named)}" if named else ""
 
 
 def on_condition(diagnosis: Diagnosis, said: str) -> str:
