@@ -17,6 +17,7 @@ from frischid.cli.pages import comparing
 from frischid.effects import EFFECTS
 from frischid.logs.log import Log
 from frischid.logs.readers import read_log, write_log
+from frischid.model.comparison import compare
 from frischid.model.identification import identify
 from frischid.model.model import Model
 from frischid.motions.simulation import Noise, simulate
@@ -208,6 +209,18 @@ def test_compare(fitted, logs):
     text = run("compare", path, logs / "valid.npz").stdout
     assert "NRMSE" in text
     assert "joint2" in text
+
+
+def test_the_time_of_the_worst_error_names_its_log_where_there_are_several(fitted, logs):
+    model, valid = Model.load(fitted[0]), read_log(logs / "valid.npz")
+    middle = np.abs(np.arange(len(valid.t)) - len(valid.t) // 2) < 25
+    bad = Log(valid.t, valid.joints, valid.q, tau=valid.tau + 3.0 * middle[:, None], source="folder/bad.npz")
+
+    def times(*given):
+        return list(comparing.error_tables(compare(model, given))[0].columns[-1].cells)
+
+    assert all(cell.endswith(" of bad.npz") for cell in times(valid, bad))
+    assert not any(" of " in cell for cell in times(bad))
 
 
 def test_a_coloured_residual_at_the_noise_floor_is_no_reason_to_search():

@@ -62,7 +62,7 @@ def error_tables(result: Comparison) -> list[Any]:
         table.add_row(
             name, figure(j.rmse), f"{j.nrmse:.4f}", f"{j.noise_floor:.4f}", f"{j.fit:.1f}", figure(j.bias),
             f"{j.nominal:.3f}",
-            f"{j.constant:.3f}", figure(error), f"{j.worst.t:.2f}\N{NO-BREAK SPACE}s",
+            f"{j.constant:.3f}", figure(error), f"{j.worst.t:.2f}\N{NO-BREAK SPACE}s{_of_log(j.worst.source, result)}",
         )  # fmt: skip
     parts: list[Any] = [
         table,
@@ -76,6 +76,11 @@ def error_tables(result: Comparison) -> list[Any]:
             f"dry friction is undetermined (NRMSE with them {result.nrmse_with_standstill:.4f})"
         )
     return parts
+
+
+def _of_log(source: str, result: Comparison) -> str:
+    """Which log a time belongs to, where there are several."""
+    return f" of {Path(source).name}" if len(result.sources) > 1 else ""
 
 
 def _where(result: Comparison) -> list[Any]:
