@@ -270,6 +270,20 @@ def judged(rows: Sequence[dict[str, Any]], rivals: bool = False) -> list[tuple[s
     return found
 
 
+def judged_alone(rows: Sequence[dict[str, Any]]) -> list[tuple[str, float, bool]]:
+    """As `judged`, with the planted effect alone as right, and without the answers that stand there without it as well.
+
+    Nobody knows whether those are right: the robot's own effects have not been measured in another way.
+    """
+    own = {(*case_of(row), row["answer"]) for row in rows if row["kind"] == "none"}
+    found = []
+    for row in rows:
+        right = row["answer"] == ("outside" if row["truth"] == "unknown" else row["truth"])
+        if row["kind"] != "none" and (right or (*case_of(row), row["answer"]) not in own):
+            found.append((row["robot"], row["probability"], right))
+    return found
+
+
 def case_of(row: dict[str, Any]) -> tuple[str, str]:
     """Robot and situation, which decide the robot's own findings."""
     return row["robot"], row["situation"]
@@ -345,12 +359,15 @@ def main() -> None:
                 | {"said": "; ".join("/".join(names) for names in r["said"][:3]) or r["verdict"]}
                 for r in here
             ]
-    answers, reliable = judged(rows), list[dict[str, Any]]()
+    answers, alone, reliable = judged(rows), judged_alone(rows), list[dict[str, Any]]()
     notes = [
         f"seeds {', '.join(map(str, chosen.seed))}; {len(answers)} planted effects, terms and contacts",
         in_words(answers),
         by_chance(answers),
         "With the rivals of the robot's own first finding as right answers too: " + in_words(judged(rows, rivals=True)),
+        f"Without the {len(answers) - len(alone)} answers that stand there without a planted effect too: "
+        + in_words(alone),
+        by_chance(alone),
     ]
     publish(f"effects of {chosen.size:.0%} planted in measured logs", table, chosen.json, notes)
     for name in [*dict.fromkeys(robot for robot, *_ in answers), "all"]:

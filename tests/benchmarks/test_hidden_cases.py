@@ -22,7 +22,7 @@ from hidden_cases import CHANGES, EFFECTS, GRADES, Truth, build, cases
 from hidden_effects import Outcome, run, run_all, score, tables
 from hidden_physics import arm, direction, motion, perturbed
 from hidden_shapes import lugre
-from planted_effects import planted
+from planted_effects import judged, judged_alone, planted
 
 SPECS = cases(0)
 
@@ -260,3 +260,20 @@ def test_what_counts_as_right():
     assert right_answers("healthy", replace(truth, effects=(), sizes=())) == ["cogging", "several"]
     assert right_answers("healthy", replace(truth, background=0.0, background_effects=())) == ["none"]
     assert right_answers("contact", truth) == ["contact"]
+
+
+def test_an_answer_that_stands_there_without_a_planted_effect_is_neither_right_nor_wrong():
+    def row(kind, answer, robot="arm"):
+        return {"robot": robot, "situation": "changed", "kind": kind, "truth": kind, "answer": answer} | {
+            "probability": 0.4, "said": [["load_friction"]],
+        }  # fmt: skip
+
+    own = row("none", "load_friction")
+    rows = [own, row("payload", "load_friction"), row("load_friction", "load_friction"), row("payload", "contact")]
+    assert [right for *_, right in judged(rows)] == [True, True, False]
+    assert [right for *_, right in judged_alone(rows)] == [True, False]
+    assert [right for *_, right in judged_alone([*rows, row("payload", "load_friction", "other")])] == [
+        True,
+        False,
+        False,
+    ]
