@@ -81,6 +81,7 @@ class SketchMotion:
     fewest_moving: int
     _thinned: dict[int, SketchMotion] = field(default_factory=dict, init=False, repr=False)
     _bodies: dict[str, Array] = field(default_factory=dict, init=False, repr=False)
+    _columns: dict[tuple[int, Beside | None], Array] = field(default_factory=dict, init=False, repr=False)
     _fits: dict[tuple[int, Beside | None], SignedFit] = field(default_factory=dict, init=False, repr=False)
 
     def __len__(self) -> int:
@@ -125,15 +126,22 @@ class SketchMotion:
 
     def friction(self, j: int) -> Array:
         """Columns of the joint's own parameters: fv, fc, Ia ≥ 0, and the offset with both signs, (M, 5)."""
-        one = np.ones(len(self))
-        return np.column_stack([self.v[:, j], self.sign[:, j], self.a[:, j], one, -one])
+        return self.columns(j, None)
 
-    def columns(self, j: int, beside: Beside) -> Array:
-        """Columns of either sign that are fitted beside the friction of joint j, (M, P)."""
+    def columns(self, j: int, beside: Beside | None) -> Array:
+        """Columns of the joint's own parameters (None), or those of either sign that are fitted beside them, (M, P)."""
+        if (j, beside) not in self._columns:
+            self._columns[j, beside] = self._formed(j, beside)
+        return self._columns[j, beside]
+
+    def _formed(self, j: int, beside: Beside | None) -> Array:
+        q, v, a = self.q[:, j], self.v[:, j], self.a[:, j]
+        if beside is None:
+            one = np.ones(len(self))
+            return np.column_stack([v, self.sign[:, j], a, one, -one])
         if isinstance(beside, str):
-            q = self.q[:, j]
             return q[:, None] if beside == SPRING else np.column_stack([np.sin(q), np.cos(q)])
-        v, w = self.v[:, j], self.v[:, beside]
+        w = self.v[:, beside]
         both = [np.tanh((v + w) / SIGN_WIDTH), np.tanh((v - w) / SIGN_WIDTH)]
         return np.column_stack([w, self.a[:, beside], *both])
 

@@ -131,7 +131,7 @@ def _fit(some: MapProblem, whole_fit: MapEstimate) -> tuple[Array, Array, Array]
         used = weights * np.einsum("jab,ba->j", some.G, root @ root.T)
         variance = some.squares(x) / some.counts * kappa / np.maximum(kappa - used, 0.05 * kappa)
         variance = np.maximum(variance, 1e-300 + SMALLEST_ERROR**4 * whole_fit.variance)
-        if np.allclose(variance, before, rtol=NOISE_FOUND):
+        if np.allclose(variance, before, rtol=NOISE_FOUND, atol=0.0):
             break
     base = some.A @ root
     return some.A @ x, base @ base.T, variance

@@ -1,5 +1,7 @@
 """Logs of two robots in one fit raise an alarm; logs of one robot do not, whatever they show."""
 
+import xml.etree.ElementTree as ET
+
 import numpy as np
 import pytest
 
@@ -55,3 +57,19 @@ def test_a_log_that_shows_more_than_the_others_but_explains_them_is_no_alarm(arm
     ratios = iter([np.array([9.0, 9.0]), np.array([1.0, 1.2])] * 2)
     monkeypatch.setattr(log_agreement, "_surprise", lambda *_: next(ratios))
     assert disagreement(arm, [log_of(arm, 1), log_of(arm, 2)]) == []
+
+
+def test_the_torques_may_be_as_small_as_those_of_a_watch(arm, tmp_path):
+    """Residual variances far below 1e-8 (N·m)² are found to a share of their own size, not to an absolute one."""
+    tree, small = ET.fromstring(arm.urdf), 1e-5
+    for tag in (*tree.iter("mass"), *tree.iter("inertia"), *tree.iter("dynamics")):
+        tag.attrib.update({key: repr(small * float(x)) for key, x in tag.attrib.items()})
+    path = tmp_path / "watch.urdf"
+    path.write_text(ET.tostring(tree, encoding="unicode"), encoding="utf-8")
+    watch = fr.Robot.load(path)
+    of_the_watch = [log_of(watch, 1), log_of(watch, 2, **{name: small * x for name, x in LOADED.items()})]
+    ratios = [
+        disagreement(robot, logs)[0].value
+        for robot, logs in ((arm, [log_of(arm, 1), log_of(arm, 2, **LOADED)]), (watch, of_the_watch))
+    ]
+    assert ratios[1] == pytest.approx(ratios[0], rel=0.05)
