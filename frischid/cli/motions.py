@@ -31,7 +31,7 @@ if TYPE_CHECKING:
 @main.command()
 @click.argument("robot", type=InputPath())
 @click.option("-o", "--output", type=OutputPath(), required=True, help="Log to write: .parquet, .csv or .npz.")
-@click.option("--duration", default=30.0, show_default=True, help="Seconds.")
+@click.option("--duration", type=float, help="Seconds of a random motion; 30 by default.")
 @click.option("--rate", default=100.0, show_default=True, help="Samples per second.")
 @click.option(
     "--points",
@@ -52,7 +52,7 @@ if TYPE_CHECKING:
 def simulate(
     robot: str,
     output: str,
-    duration: float,
+    duration: float | None,
     rate: float,
     points: str | None,
     effects: str | None,
@@ -74,8 +74,11 @@ def simulate(
     machine, _ = load(robot, RobotArguments(**options))
     with working(as_json) as progress:
         progress("simulating")
-        motion: Any = random_fourier(machine, duration, seed=seed)
-        if points:
+        if points is None:
+            motion: Any = random_fourier(machine, 30.0 if duration is None else duration, seed=seed)
+        else:
+            if duration is not None:
+                raise InputError(f"--duration {duration:g}: the points of {points} have their own times; leave it out")
             given = read_log(points, machine.joints).select(machine.joints)
             if given.v is None or given.a is None:
                 raise InputError(f"{points}: points to join by quintics need v_<joint> and a_<joint> columns too")

@@ -262,6 +262,8 @@ def test_simulate_through_points(tmp_path):
     np.testing.assert_allclose(made.a[::10], given.a, atol=1e-6)
     bare = tmp_path / "bare.csv"
     write_log(Log(given.t, given.joints, given.q), bare)
+    refused(["--duration 5: the points of", "have their own times"],
+            "simulate", "planar2", "-o", out, "--points", points, "--duration", 5)  # fmt: skip
     refused(["need v_<joint> and a_<joint>"], "simulate", "planar2", "-o", out, "--points", bare)
 
 
