@@ -12,6 +12,7 @@ import sys
 import tomllib
 from collections.abc import Iterator, Mapping, Sequence
 from contextlib import contextmanager
+from dataclasses import fields, is_dataclass, replace
 from pathlib import Path
 from types import ModuleType
 from typing import Any
@@ -92,6 +93,26 @@ class Worker:
         with contextlib.suppress(BrokenPipeError):
             self.process.stdin.close()
         self.process.wait()
+
+
+def numbers(criteria: Any) -> list[str]:
+    """Names of the numbers in frozen criteria; ``burst.edge`` is the edge of the rule ``burst``."""
+    found = []
+    for field in fields(criteria):
+        value = getattr(criteria, field.name)
+        found += [f"{field.name}.{inner}" for inner in numbers(value)] if is_dataclass(value) else [field.name]
+    return found
+
+
+def multiplied(criteria: Any, name: str, factor: float) -> Any:
+    """The criteria with one of their `numbers` multiplied; a whole number stays one, and is at least 1."""
+    first, _, rest = name.partition(".")
+    value = getattr(criteria, first)
+    if rest:
+        changed = multiplied(value, rest, factor)
+    else:
+        changed = max(1, round(value * factor)) if isinstance(value, int) else value * factor
+    return replace(criteria, **{first: changed})
 
 
 def publish(title: str, rows: Sequence[Mapping[str, Any]], path: Path | None, notes: Sequence[str] = ()) -> None:

@@ -15,13 +15,13 @@ import os
 os.environ.setdefault("OMP_NUM_THREADS", "1")
 
 from collections.abc import Iterator, Sequence
-from dataclasses import fields, replace
+from dataclasses import replace
 from typing import Any, NamedTuple
 from unittest import mock
 
 import numpy as np
 from calibration import GENERATORS, right_answers
-from common import parser, publish
+from common import multiplied, numbers, parser, publish
 from hidden_cases import Case
 
 from frischid.diagnosis.criteria import DIAGNOSIS_CRITERIA, DiagnosisCriteria
@@ -59,13 +59,6 @@ def answer(found: Diagnosis, truth: Sequence[str]) -> Answer:
     return Answer(found.verdict, *said, best in truth)
 
 
-def changed(name: str, factor: float) -> DiagnosisCriteria:
-    """The criteria with one of them multiplied; a whole number stays one, and is at least 1."""
-    value = getattr(DIAGNOSIS_CRITERIA, name)
-    scaled = max(1, round(value * factor)) if isinstance(value, int) else value * factor
-    return replace(DIAGNOSIS_CRITERIA, **{name: scaled})
-
-
 def answers(
     case: Case, kind: str, names: Sequence[str], factors: Sequence[float]
 ) -> Iterator[tuple[str, float, Answer]]:
@@ -77,7 +70,7 @@ def answers(
         yield "", 1.0, answer(diagnose(model, logs), truth)
         for name in names:
             for factor in factors:
-                criteria = changed(name, factor)
+                criteria = multiplied(DIAGNOSIS_CRITERIA, name, factor)
                 kept.fresh = name in OF_THE_CACHE
                 yield name, factor, answer(diagnose(model, logs, criteria=criteria), truth)
 
@@ -117,7 +110,7 @@ def main() -> None:
     options.add_argument("--factors", type=float, nargs=2, default=[0.5, 2.0])
     options.add_argument("--only", nargs="*", help="these constants; all by default")
     chosen = options.parse_args()
-    names = chosen.only or [f.name for f in fields(DIAGNOSIS_CRITERIA) if f.name not in OF_IMPROVE]
+    names = chosen.only or [name for name in numbers(DIAGNOSIS_CRITERIA) if name not in OF_IMPROVE]
     base: list[Answer] = []
     found: dict[tuple[str, float], list[Answer]] = {}
     for made in GENERATORS.values():

@@ -7,11 +7,10 @@ or noise with a memory of 0.2 s, on one of six joints). False: contacts that are
 
 from __future__ import annotations
 
-from dataclasses import replace
 from pathlib import Path
 
 import numpy as np
-from common import data_folder, parser, publish
+from common import data_folder, multiplied, parser, publish
 from trust import pairs, read
 
 from frischid.checks.check_criteria import DEFAULT_CRITERIA, CheckCriteria
@@ -19,7 +18,7 @@ from frischid.checks.standing import pushes
 from frischid.logs.log import Log
 from frischid.robot.robot import Robot
 
-NAMES = ("push_seconds", "push_edge", "push_energy", "settling_seconds", "least_rest")
+NAMES = ("push.seconds", "push.edge", "push.energy", "settling_seconds", "least_rest")
 RATE, SECONDS, JOINTS = 100.0, 20.0, 6
 
 
@@ -75,8 +74,7 @@ def main() -> None:
     rows = [row("as it is", 1.0, DEFAULT_CRITERIA)]
     for name in NAMES:
         for factor in (0.5, 2.0):
-            changed = replace(DEFAULT_CRITERIA, **{name: factor * getattr(DEFAULT_CRITERIA, name)})
-            rows.append(row(name, factor, changed))
+            rows.append(row(name, factor, multiplied(DEFAULT_CRITERIA, name, factor)))
     publish("constants of pushes, halved and doubled", rows, given.json, [f"{len(measured)} measured logs"])
 
 

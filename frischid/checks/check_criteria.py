@@ -20,6 +20,7 @@ from typing import Any
 
 import msgspec
 
+from frischid.core.bursts import BURSTS, BurstRule
 from frischid.logs.velocity_lag import LONGEST_VELOCITY_LAG
 
 FAULT_COSTS = (
@@ -105,17 +106,13 @@ class CheckCriteria:
     # ---- an arm at standstill
     # Halved and doubled (`benchmarks/rest_constants.py`: 60 pushes of 3 to 30 standard deviations, 24 measured logs),
     # these numbers leave no false contact in any log, and find all pushes above 8 standard deviations (97 % with
-    # push_energy doubled). Only push_energy decides about smaller ones: of all 60 pushes 88, 73, 58 % are found (half,
-    # as it is, doubled).
+    # the energy of a push doubled). Only that energy decides about smaller ones: of all 60 pushes 88, 73, 58 % are
+    # found (half, as it is, doubled).
     least_rest: float = 1.0
     """s. A shorter rest is too short to see its torque before and after a push. (pushed; real: UR10e)"""
-    push_seconds: float = 0.25
-    """s. Changes of the torque are averaged over so long, as in the diagnosis of contacts. (pushed)"""
-    push_edge: float = 6.0
-    """Squared standard deviations. A push lasts as long as the averaged change is above this. (pushed)"""
-    push_energy: float = 30.0
-    """Squared standard deviations. A push exceeds this at least once. (pushed; real: silent on the rests of UR10e,
-    TX40, TIAGo and EMPS)"""
+    push: BurstRule = BURSTS
+    """Which changes of the torque count as a push, as in the diagnosis of contacts. (pushed; real: silent on the rests
+    of UR10e, TX40, TIAGo and EMPS)"""
     settling_seconds: float = 0.5
     """s. A change that begins so soon after the arm has stopped, or ends so soon before it moves again, is the torque
     that settles, or that breaks the friction. (real: UR10e, TIAGo)"""

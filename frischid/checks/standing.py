@@ -1,15 +1,13 @@
 """Logs at standstill: what such a log can be used for, and whether something pushed the arm.
 
 An arm that holds a pose feels gravity and dry friction, and both stay as they are. The torque of a drive then changes
-only slowly (its controller, its temperature). A torque that appears for a while comes from outside: a contact. With u_j
-the robust standard deviation of joint j's torque in the pose (from the median absolute deviation), the smoothed energy
+only slowly (its controller, its temperature). A torque that appears for a while comes from outside: a contact. It is a
+burst (`frischid.core.bursts`) of
 
-    z_j(t) = mean of ((τ_j − median τ_j) / u_j)² over 0.25 s around t
+    x_j = τ_j − median of τ_j in the pose.
 
-exceeds 30 in a push. A torque that is still settling when the pose begins, or that builds up until the arm moves again
-or until the log ends, is no push.
-
-Source: Rousseeuw and Leroy 1987, Robust Regression and Outlier Detection, Wiley.
+A torque that is still settling when the pose begins, or that builds up until the arm moves again or until the log ends,
+is no push.
 """
 
 from __future__ import annotations
@@ -22,14 +20,12 @@ from scipy import ndimage
 from frischid.checks.channels import quantum
 from frischid.checks.check_criteria import DEFAULT_CRITERIA, CheckCriteria
 from frischid.checks.log_issue import Notebook
+from frischid.core.bursts import robust_std
 from frischid.core.text import listed
 from frischid.core.types import Array
 from frischid.logs.filters import noise_level
 from frischid.logs.log import STANDSTILL_SPAN, Log
 from frischid.logs.poses import FEWEST_POSES, Poses, poses_of
-
-MAD_TO_STD = 1.4826
-"""Standard deviation of Gaussian noise over its median absolute deviation."""
 
 
 @dataclass(frozen=True)
@@ -94,22 +90,20 @@ def _of_pose(log: Log, part: slice, criteria: CheckCriteria) -> list[Push]:
     t, x = log.t[part], np.nan_to_num(log.tau[part])
     step = float(np.median(np.diff(t)))
     change = x - np.median(x, axis=0)
-    spread = MAD_TO_STD * np.median(np.abs(change), axis=0)
     rounding = np.array([quantum(y, criteria) for y in x.T]) / np.sqrt(12)
-    unit = np.maximum(np.maximum(spread, noise_level(x)), np.maximum(rounding, 1e-9 * np.abs(x).max(initial=1.0)))
-    window = max(1, round(criteria.push_seconds / step))
-    z = ndimage.uniform_filter1d((change / unit) ** 2, window, axis=0)
-    labels, count = ndimage.label(z.max(axis=1) > criteria.push_edge)
+    least = np.maximum(rounding, 1e-9 * np.abs(x).max(initial=1.0))
+    unit = np.maximum(np.maximum(robust_std(change), noise_level(x)), least)
+    z, bursts = criteria.push.bursts((change / unit) ** 2, step)
     found = []
-    for (where,) in ndimage.find_objects(labels, count):
+    for where in bursts:
         settles = t[where.start] - t[0] < criteria.settling_seconds
         breaks_away = part.stop < len(log) and t[-1] - t[where.stop - 1] < criteria.settling_seconds
         stays = where.stop == len(t)  # at the end of the log: what builds up there may break the joint away
-        if settles or breaks_away or stays or z[where].max() < criteria.push_energy:
+        if settles or breaks_away or stays:
             continue
-        felt = np.flatnonzero(z[where].max(axis=0) > criteria.push_edge)
+        felt = np.flatnonzero(z[where].max(axis=0) > criteria.push.edge)
         names = tuple(log.joints[j] for j in felt)
-        most = float(_smooth(change[where][:, felt], window).max())
+        most = float(_smooth(change[where][:, felt], criteria.push.samples(step)).max())
         found.append(Push(float(t[where.start]), float(t[where.stop - 1]), names, most, float(np.sqrt(z[where].max()))))
     return found
 

@@ -32,6 +32,7 @@ from dataclasses import dataclass
 import numpy as np
 from scipy import ndimage
 
+from frischid.core.bursts import robust_std
 from frischid.core.types import Array
 from frischid.diagnosis.cached_motion import Stretch
 from frischid.diagnosis.candidate_columns import Candidate
@@ -45,7 +46,6 @@ from frischid.diagnosis.robust_fit import robust_parameters
 from frischid.diagnosis.unmodelled_terms import best_unmodelled
 
 _ROUNDS = 5  # of the trimmed fit; the bursts usually stay the same after two
-_MAD_TO_STD = 1.4826  # standard deviation of Gaussian noise over its median absolute deviation
 
 
 @dataclass(frozen=True)
@@ -197,7 +197,7 @@ def _robust_spread(rest: CrossValidator, theta: Array) -> list[float]:
     """Robust standard deviation of each joint's residual, from evenly spread rows."""
     every = [max(1, -(-n // MOST_ROWS)) for n in rest.counts.sum(axis=0).tolist()]
     left = [thinned(rest.residuals(row, theta), k) for row, k in enumerate(every)]
-    return [_MAD_TO_STD * float(np.median(np.abs(x))) for x in left]
+    return [float(robust_std(x)) for x in left]
 
 
 def _of_motion(
@@ -209,22 +209,18 @@ def _of_motion(
     """
     criteria, joints = validator.criteria, validator.joints
     step = float(np.median(np.diff(t))) if len(t) > 1 else 1.0
-    smooth = ndimage.uniform_filter1d(squares, max(1, round(criteria.burst_seconds / step)), axis=0)
-    total = smooth.max(axis=1)
-    labels, count = ndimage.label(total > criteria.burst_edge)
+    smooth, bursts = criteria.burst.bursts(squares, step)
     found = []
-    for label in range(1, count + 1):
-        where = np.flatnonzero(labels == label)
-        if total[where].max() < criteria.burst_energy:
-            continue
+    for place in bursts:
+        where = np.arange(len(t))[place]
         energy = squares[where]
         if _at_reversals(energy, friction[where], speed[where], criteria):
             continue
-        touched = [joints[j] for j in np.flatnonzero(smooth[where].max(axis=0) > criteria.burst_edge).tolist()]
-        margin = criteria.burst_seconds / 2  # as far as the smoothing reaches
+        touched = [joints[j] for j in np.flatnonzero(smooth[where].max(axis=0) > criteria.burst.edge).tolist()]
+        margin = criteria.burst.seconds / 2  # as far as the smoothing reaches
         largest = ndimage.maximum_filter1d(energy, 2 * reach - 1, axis=0, mode="constant")
-        half = where[np.any((energy > largest / 4) & (energy > criteria.burst_edge), axis=1)]
-        contact = Contact(source, float(t[half[0]]), float(t[half[-1]]), touched, float(np.sqrt(total[where].max())))
+        half = where[np.any((energy > largest / 4) & (energy > criteria.burst.edge), axis=1)]
+        contact = Contact(source, float(t[half[0]]), float(t[half[-1]]), touched, float(np.sqrt(smooth[where].max())))
         found.append(Burst(contact, float(t[where[0]]) - margin, float(t[where[-1]]) + margin))
     return found
 
@@ -232,7 +228,7 @@ def _of_motion(
 def _at_reversals(energy: Array, friction: Array, speed: Array, criteria: DiagnosisCriteria) -> bool:
     """Whether a burst lies where joints stop or start, and is no larger than the dry friction there."""
     slow = float((energy * np.abs(speed)).sum()) < criteria.slow_speed * float(energy.sum())
-    largest = np.maximum(friction.sum(axis=0), criteria.burst_edge * len(energy))
+    largest = np.maximum(friction.sum(axis=0), criteria.burst.edge * len(energy))
     return slow and bool(np.all(energy.sum(axis=0) <= largest))
 
 

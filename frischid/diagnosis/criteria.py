@@ -23,6 +23,8 @@ from __future__ import annotations
 from dataclasses import asdict, dataclass
 from typing import Any
 
+from frischid.core.bursts import BURSTS, BurstRule
+
 
 @dataclass(frozen=True)
 class DiagnosisCriteria:
@@ -100,13 +102,8 @@ class DiagnosisCriteria:
 
     # ---------------------------------------------------------------- contacts
 
-    burst_seconds: float = 0.25
-    """s. The residual's energy is smoothed over this time: shorter than a contact, longer than a reversal. By
-    judgement."""
-    burst_energy: float = 30.0
-    """Squared robust standard deviations. A burst must reach this smoothed energy. By judgement."""
-    burst_edge: float = 6.0
-    """Squared robust standard deviations. A burst ends, and a joint shows it, at this smoothed energy. By judgement."""
+    burst: BurstRule = BURSTS
+    """Which residuals count as a burst."""
     max_contact_share: float = 0.5
     """Share of a log's duration. Bursts that together last longer are no contacts: a median, and so the robust unit,
     breaks down at half of the data."""

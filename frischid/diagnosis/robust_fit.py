@@ -82,7 +82,7 @@ def robust_parameters(validator: CrossValidator, unit: Array) -> Array:
 
 def _rows(validator: CrossValidator, unit: Array) -> list[_Rows]:
     """Evenly spread rows of every joint, motion by motion."""
-    seconds, found = validator.criteria.burst_seconds, []
+    found: list[_Rows] = []
     for row, count in enumerate(validator.counts.sum(axis=0).tolist()):
         every, passed = max(1, -(-count // _MOST_ROWS)), 0
         for data in validator.data.motions_of(row):
@@ -90,7 +90,7 @@ def _rows(validator: CrossValidator, unit: Array) -> list[_Rows]:
             passed += len(data)
             t = data.motion.t.read()[data.picked][chosen]
             if len(t) > 1:
-                width = max(1, round(seconds / float(np.median(np.diff(t)))))
+                width = validator.criteria.burst.samples(float(np.median(np.diff(t))))
                 active = validator.data.cache.active[row]
                 found.append(_Rows(active, data.Y[chosen] / unit[row], data.tau[chosen] / unit[row], width))
     return found

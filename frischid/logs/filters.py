@@ -22,6 +22,7 @@ from dataclasses import dataclass
 import numpy as np
 from scipy import fft, linalg, sparse, special
 
+from frischid.core.bursts import robust_std
 from frischid.core.types import Array
 from frischid.errors import InputError
 
@@ -272,7 +273,7 @@ def noise_level(x: Array, t: Array | None = None) -> Array:
     ndarray, shape (...)
     """
     fourth = np.diff(x, n=QUARTIC, axis=0) / np.sqrt(70.0) if t is None else _divided_differences(x, t)
-    spread = np.median(np.abs(fourth), axis=0) / 0.6745
+    spread = robust_std(fourth)
     # Most differences of a quantised channel at standstill are zero: only the others show its noise. A velocity
     # behind a drive's filter runs out instead, to less than any sensor resolves.
     nothing = np.finfo(float).eps ** 2 * np.max(np.abs(x), axis=0, initial=0.0)

@@ -21,6 +21,7 @@ from dataclasses import replace
 
 import numpy as np
 
+from frischid.core.bursts import robust_std
 from frischid.core.types import Array
 from frischid.effects import Viscous
 from frischid.effects.commands import VelocityGain
@@ -33,8 +34,6 @@ from frischid.regression.moments import Gram
 from frischid.robot.robot import Robot
 
 _RANK = 1e-12
-_MEDIAN = 0.6745
-"""Median of the size of a normal variable with the standard deviation 1."""
 
 
 def without_velocity_noise(
@@ -94,7 +93,7 @@ def _noise(robot: Robot, motions: Sequence[Motion], lowpass: LowPass) -> Array:
             for sensor in sensors_of(motion, robot, lowpass):
                 if "v" in sensor.taps:
                     channel = getattr(motion, next(iter(sensor.taps)))[:, sensor.joint : sensor.joint + 1]
-                    level = np.median(np.abs(correlate(SIXTH_DIFFERENCE, channel))) / (_MEDIAN * difference)
+                    level = float(robust_std(correlate(SIXTH_DIFFERENCE, channel)[:, 0])) / difference
                     power[sensor.joint] = float(level * np.linalg.norm(np.convolve(sensor.taps["v"], F))) ** 2
         powers.append(power * len(motion.t))
     return np.asarray(np.sum(powers, axis=0) / sum(len(motion.t) for motion in motions))

@@ -28,6 +28,7 @@ from typing import NamedTuple
 import numpy as np
 from scipy import optimize
 
+from frischid.core.bursts import robust_std
 from frischid.core.remembered import Remembered
 from frischid.core.types import Array
 from frischid.effects import Coulomb, columns_of
@@ -181,13 +182,13 @@ def _power(x: Array, direction: Array, step: float, lag: int) -> Array | None:
     both = np.convolve(LowPass(cutoff).taps(step), differences) if cutoff < 0.45 / step else differences
     if len(x) < 2 * len(both):
         return None
-    passed = np.abs(correlate(both, x))
+    passed = correlate(both, x)
     sums = np.cumsum(direction, axis=0)
     one_way = np.abs(sums[len(both) - 1 :] - sums[: len(passed)]) == len(both) - 1  # of the samples after the first
     # A joint that always rests or reverses has no difference in one direction: then all differences count.
     kept = np.where(one_way.sum(axis=0) < len(both), True, one_way)
-    spread = np.array([np.median(y[here]) for y, here in zip(passed.T, kept.T, strict=True)])
-    return np.asarray((spread / 0.6745) ** 2 / (both @ both))
+    spread = np.array([robust_std(y[here]) for y, here in zip(passed.T, kept.T, strict=True)])
+    return np.asarray(spread**2 / (both @ both))
 
 
 def spectra_of_noise(centres: Array, corner: float, step: float) -> Array:
