@@ -36,6 +36,7 @@ from frischid.regression.moment_blocks import total
 from frischid.regression.moments import Gram
 
 EXCITED = 1e-8  # eigenvalue of the column-scaled moments over the largest, below which a direction was not excited
+CHANGES_NAMED = 4  # changes of one robot at most
 LEAST_ROBOTS = 12  # fewest robots for an empirical null
 
 
@@ -271,7 +272,7 @@ class Change:
     error_after: float
 
 
-def changes(whole: Gram, theta0: Array, weights: Array, inflation: float, most: int = 4) -> list[Change]:
+def changes(whole: Gram, theta0: Array, weights: Array, inflation: float) -> list[Change]:
     """Effects whose parameters changed, the one with the largest gain in likelihood first.
 
     A group is the parameters of one effect on one joint. The rigid links form no group: their parameters change
@@ -287,7 +288,7 @@ def changes(whole: Gram, theta0: Array, weights: Array, inflation: float, most: 
     found: list[Change] = []
     chosen: list[int] = []
     theta = theta0
-    while len(found) < most and groups:
+    while len(found) < CHANGES_NAMED and groups:
         before = np.maximum(whole.residual_ss(theta), 1e-300)
         scored = []
         for key, columns in groups.items():
