@@ -28,10 +28,9 @@ from frischid.logs.summary import Data
 from frischid.model.alarms import Alarm, AlarmCriteria, by_severity
 from frischid.model.comparison_alarms import UNLIKE, Elsewhere, elsewhere, is_worse
 from frischid.model.comparison_criteria import COMPARISON_CRITERIA
-from frischid.model.error_sums import ErrorSums
 from frischid.model.events import cross_validated_nrmse
 from frischid.model.expected_error import ExpectedError
-from frischid.model.joint_fit import JointFit
+from frischid.model.joint_fit import ErrorSums, JointFit
 from frischid.model.kept_blocks import SAMPLES_KEPT, KeptBlocks
 from frischid.model.log_faults import faulty_new_logs
 from frischid.model.model import Model
