@@ -104,7 +104,9 @@ def simulate(
     required=True,
     help="Motion: .csv, .parquet or .npz (t, q, v, a), .yaml (ROS JointTrajectory) or .script (URScript).",
 )
-@click.option("--home", help="Pose at rest before and after, rad (m): one number per joint, comma separated; or zero.")
+@click.option(
+    "--home", help="Pose before and after the motion, rad (m): one number per joint, comma separated; or zero."
+)
 @click.option("--duration", default=20.0, show_default=True, help="Seconds.")
 @click.option("--rate", default=100.0, show_default=True, help="Samples per second.")
 @click.option(

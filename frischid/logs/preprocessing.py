@@ -231,7 +231,7 @@ def ends_of(step: float, lowpass: LowPass) -> tuple[int, int]:
 
 
 def _at_rest(log: Log, notes: list[str]) -> Prepared:
-    """The poses of a static log as samples at rest."""
+    """The poses of a static log as samples at standstill."""
     poses = poses_of(log)
     rest = np.zeros_like(poses.q)
     extra = {name: np.array([x[part].mean() for part in poses.parts]) for name, x in log.extra.items()}
