@@ -152,7 +152,8 @@ def _nearest(near: Nearest) -> dict[str, Any]:
 
 def _ways(planned: Plan, motion: Programme) -> str:
     if motion.approach:
-        ways = f"from the home pose to the motion: {motion.approach:.3g} s; back: {motion.back:.3g} s; at standstill between"
+        said = f"from the home pose to the motion: {motion.approach:.3g} s; back: {motion.back:.3g} s"
+        ways = f"{said}; at standstill between"
         kept = not any(v.kind == "position" for v in planned.violations)  # then only a way goes beyond
         beyond = [p.joint for p in motion.peaks if p.kind == "position" and p.value > p.limit and kept]
         return f"{ways}; the ways use the URDF's whole range of {listed(beyond)}" if beyond else ways
