@@ -190,13 +190,13 @@ def excite(
     from frischid.motions.chirps import check_command_rate
     from frischid.motions.collision import Clearance
     from frischid.motions.discrimination import separate as plan_separation
+    from frischid.motions.families import check_return
     from frischid.motions.limits import MotionLimits
     from frischid.motions.motion_request import check_rate, check_runs
     from frischid.motions.plan import plan
     from frischid.motions.plan_options import PlanOptions
     from frischid.motions.programme import checked_home, programme
     from frischid.motions.programme_files import check_file, save
-    from frischid.motions.trajectory import check_return
 
     if budget < 1:
         raise InputError(f"--budget must be at least one evaluation, got {budget}")
