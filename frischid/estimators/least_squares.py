@@ -217,13 +217,14 @@ def _variance(whole: Gram, theta: Array) -> Array:
 
 
 def _solve(whole: Gram, weights: Array, prior: Prior | None = None) -> NormalEquations:
-    return _solved(whole.weighted(weights), whole.names, whole.rows, prior)
-
-
-def _solved(moments: Array, names: tuple[str, ...], rows: int, prior: Prior | None) -> NormalEquations:
-    """The fit to weighted moments of so many torque rows."""
+    moments = whole.weighted(weights)
     if prior is not None:
-        return NormalEquations(moments + prior.moments, names)
+        return NormalEquations(moments + prior.moments, whole.names)
+    return _solved(moments, whole.names, whole.rows)
+
+
+def _solved(moments: Array, names: tuple[str, ...], rows: int) -> NormalEquations:
+    """The fit to weighted moments of so many torque rows."""
     if rows < len(names) + 1:
         raise IdentifiabilityError(
             f"{rows} torque rows cannot determine {len(names)} parameters; record longer, or raise the cut-off"
@@ -319,7 +320,7 @@ def _jackknife(
     return found * np.outer(grow, grow), ()
 
 
-def least_squares_folds(blocks: Sequence[Gram], weights: Array, prior: Prior | None = None) -> tuple[Fold, ...]:
+def least_squares_folds(blocks: Sequence[Gram], weights: Array) -> tuple[Fold, ...]:
     """Fits without each stretch of time in turn, with these weights of the joints.
 
     Raises
@@ -330,6 +331,6 @@ def least_squares_folds(blocks: Sequence[Gram], weights: Array, prior: Prior | N
     whole = total(blocks)
     every, folds = whole.weighted(weights), []
     for out in held_out_stretches(blocks):
-        left = _solved(every - out.weighted(weights), whole.names, whole.rows - out.rows, prior)
+        left = _solved(every - out.weighted(weights), whole.names, whole.rows - out.rows)
         folds.append(Fold(out, left.theta))
     return tuple(folds)

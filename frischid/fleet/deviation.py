@@ -272,7 +272,7 @@ class Change:
     error_after: float
 
 
-def changes(whole: Gram, theta0: Array, weights: Array, inflation: float) -> list[Change]:
+def changes(whole: Gram, theta0: Array, inflation: float) -> list[Change]:
     """Effects whose parameters changed, the one with the largest gain in likelihood first.
 
     A group is the parameters of one effect on one joint. The rigid links form no group: their parameters change

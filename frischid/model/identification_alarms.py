@@ -113,7 +113,7 @@ def fit_alarms(
         *faulty_logs(_harmful(problem.data.journal.faults, errors, there, criteria)),
         *disagreeing_logs(problem, posterior, _share(model), criteria),
         *as_one(
-            wrong_signs([*posterior.contradicted, *_negative_rotors(problem, posterior)], criteria, _values(fit)),
+            wrong_signs([*posterior.contradicted, *_negative_rotors(posterior)], criteria, _values(fit)),
             indefinite_mass(model, least_inertia(model, map(_poses, problem.data.motions)), "fitted poses", criteria),
         ),
     ]
@@ -229,7 +229,7 @@ def run_faster(regressor: Regressor, motions: Iterable[Motion], factor: float) -
         yield regressor.evaluate(states), v
 
 
-def _negative_rotors(problem: Problem, posterior: MapEstimate) -> list[tuple[str, float]]:
+def _negative_rotors(posterior: MapEstimate) -> list[tuple[str, float]]:
     """Rotor inertias that came out negative: by how many standard errors."""
     error = np.sqrt(np.diag(posterior.full_covariance))
     return [
