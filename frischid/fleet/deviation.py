@@ -80,7 +80,7 @@ class Deviation:
 
 @dataclass(frozen=True, eq=False)
 class Centre:
-    """What the robots of a fleet are compared with: parameters fitted to all of them.
+    """The centre that the robots of a fleet are compared with: parameters fitted to all of them.
 
     Attributes
     ----------

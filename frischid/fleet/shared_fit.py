@@ -58,7 +58,7 @@ class SharedFit:
 
     @cached_property
     def centre(self) -> Centre:
-        """What robots are compared with: least squares with the `prior`, without the bounds of signs."""
+        """The centre that robots are compared with: least squares with the `prior`, without the bounds of signs."""
         return Centre.of(self.whole, self.estimate.weights, self.prior)
 
 

@@ -52,7 +52,7 @@ OTHER_FORMATS = {
     ".dat": "if the file is a table of text, rename it to .csv",
     ".asc": "if the file is a table of text, rename it to .csv",
 }
-"""What turns files of other formats into one that can be read."""
+"""The commands that turn files of other formats into one that can be read."""
 
 
 def joined(tables: Sequence[Table]) -> Table:

@@ -1,4 +1,4 @@
-"""What a model knows of each joint's drive: gains, delay, armature and friction, with the range of each.
+"""The drive of each joint by a model: gains, delay, armature and friction, with the range of each.
 
     τ = kp (q_cmd(t − delay) − q) − kd q̇ − fv q̇ − fc sign(q̇),     inertia about the joint = links + armature
 

@@ -90,7 +90,7 @@ class Reduction:
         return tuple(sorted(self.absolute + self.independent))
 
     def described_cost(self) -> str:
-        """What merging costs, in words; empty where it costs nothing but rounding."""
+        """The cost of merging, in words; empty where it costs nothing but rounding."""
         words = f"merging near-dependencies costs at most {self.cost:.1e} of a joint's torque"
         return words if self.cost > _EXACT else ""
 

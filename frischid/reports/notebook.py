@@ -90,7 +90,7 @@ def _bounds(result: Model | Identification | OutputError) -> list[str]:
 
 @singledispatch
 def next_of(result: Any) -> tuple[str, str]:
-    """What most users want next of a result: in words, and the line of Python."""
+    """The next step that most users want of a result: in words, and the line of Python."""
     return NEXT[type(result)]
 
 

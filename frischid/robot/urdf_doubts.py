@@ -46,7 +46,7 @@ def urdf_doubts(text: str) -> list[str]:
 
 @dataclass
 class _Seen:
-    """What the elements of a URDF say, with their lines, by the name of the joint or link.
+    """Numbers in the elements of a URDF, with their lines, by the name of the joint or link.
 
     ``reach`` is the distance from a link to its farthest next joint, m.
     """

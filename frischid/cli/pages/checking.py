@@ -34,7 +34,7 @@ COLUMNS = {
 
 @dataclass(frozen=True)
 class Correction:
-    """What undoes the faults of logs.
+    """The mapping file or robot that undoes the faults of logs.
 
     Attributes
     ----------
