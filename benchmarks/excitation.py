@@ -25,13 +25,13 @@ from common import data_folder, parser, publish
 from frischid.core.types import Array
 from frischid.effects import BASELINE, Coulomb, Effect, RotorInertia, Viscous
 from frischid.motions.collision import Clearance
+from frischid.motions.families import Family
 from frischid.motions.limits import Excess, MotionLimits
 from frischid.motions.motion_cost import Cost
 from frischid.motions.optimality import Condition, Criterion, Paper
 from frischid.motions.optimize import Search
 from frischid.motions.plan import Plan, plan
 from frischid.motions.plan_options import PlanOptions, default_size
-from frischid.motions.trajectory import Family
 from frischid.robot.robot import Robot
 
 PAPER_EVALUATIONS = 399_671

@@ -49,10 +49,10 @@ from .model.headline import Headline as Headline
 from .model.headline import headline as headline
 from .model.identification import Identification as Identification
 from .model.identification import identify as identify
+from .model.identified_payload import IdentifiedPayload as IdentifiedPayload
 from .model.log_examination import check as check
 from .model.model import Model as Model
 from .model.own_logs import own_logs as own_logs
-from .model.payload_identification import IdentifiedPayload as IdentifiedPayload
 from .model.payload_identification import payload as payload
 from .motions.plan import Plan as Plan
 from .motions.plan import plan as plan

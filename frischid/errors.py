@@ -9,6 +9,8 @@ from __future__ import annotations
 import difflib
 from collections.abc import Iterable
 
+NAMES_OFFERED = 5  # similar names in a message
+
 
 class FrischidError(Exception):
     """Base class of all errors that frischid raises on purpose.
@@ -107,10 +109,10 @@ class EmptyBoxError(FrischidError):
         )
 
 
-def close_names(name: str, options: Iterable[str], most: int = 5) -> list[str]:
+def close_names(name: str, options: Iterable[str]) -> list[str]:
     """Names in `options` that resemble `name`, best first (difflib ratio at least 0.5, or containing it)."""
     options = list(options)
     lowered = {o.lower(): o for o in options}
-    by_ratio = [lowered[o] for o in difflib.get_close_matches(name.lower(), list(lowered), n=most, cutoff=0.5)]
+    by_ratio = [lowered[o] for o in difflib.get_close_matches(name.lower(), list(lowered), n=NAMES_OFFERED, cutoff=0.5)]
     by_part = [o for o in options if name and name.lower() in o.lower() and o not in by_ratio]
-    return (by_ratio + by_part)[:most]
+    return (by_ratio + by_part)[:NAMES_OFFERED]

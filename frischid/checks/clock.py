@@ -14,6 +14,8 @@ in the next.
 
 from __future__ import annotations
 
+from typing import NamedTuple
+
 import numpy as np
 from scipy import ndimage
 
@@ -136,69 +138,89 @@ def _gaps(step: Array, usual: float, notes: Notebook) -> None:
     )
 
 
-def _arrival(log: Log, step: Array, usual: float, notes: Notebook) -> None:
-    """Report stamps that are not the times of measurement."""
-    criteria, window = notes.criteria, notes.criteria.position_window
+class _Clocks(NamedTuple):
+    """The steps of the stamps beside those that the positions tell, less the mean step around each, in usual steps.
+
+    Attributes
+    ----------
+    jitter : float
+        Rms deviation of the stamps' steps.
+    slope, error : float
+        Factor by which the positions follow these deviations, with its standard error; 1 for times of measurement.
+    off, expected : float
+        Rms difference of both clocks, and that which the noise of the positions causes.
+    still, double : float
+        Shares of the steps over which the positions stand still, and advance by two.
+    """
+
+    jitter: float
+    slope: float
+    error: float
+    off: float
+    expected: float
+    still: float
+    double: float
+
+
+def _clocks(log: Log, step: Array, usual: float, criteria: CheckCriteria) -> _Clocks | None:
+    """Compare the stamps with the positions; None where too few positions move."""
+    window = criteria.position_window
     inside = slice(window, -window)
-    if len(log) < 10 * window:
-        return
-    able = testifies(log.q, criteria)
+    able = testifies(log.q, criteria) if len(log) >= 10 * window else np.zeros(log.q.shape[1], bool)
     if not able.any():
-        return
+        return None
     told, weight, steps = (x[inside] for x in (*_told_by_positions(log.q[:, able], log.t, window), step))
     mean = ndimage.uniform_filter1d(steps, window)
     # Beside a gap that is longer than the window, the mean step and the mean speed are those of nothing.
     whole = ndimage.maximum_filter1d(step, 2 * window + 1)[inside] < window * step.mean()
     use = (steps < 3 * usual) & (weight > np.median(weight)) & (weight > 0) & whole
     if use.sum() < criteria.enough_samples:
-        return
+        return None
     w = np.minimum(weight[use], np.quantile(weight[use], 0.9))
     x, y = (steps - mean)[use] / usual, (told - mean)[use] / usual
-    jitter = float(np.sqrt(np.average(x**2, weights=w)))
-    off = float(np.sqrt(np.average((y - x) ** 2, weights=w)))
+    jitter, off = (float(np.sqrt(np.average(z**2, weights=w))) for z in (x, y - x))
     expected = float(np.sqrt(np.average(2 / weight[use], weights=w))) / usual
-    notes.facts["jitter"] = jitter
     slope, error = np.nan, np.inf
     if jitter > 1e-4:
         slope = float(np.sum(w * x * y) / np.sum(w * x**2))
         error = float(np.sqrt(np.sum((w * x * (y - slope * x)) ** 2)) / np.sum(w * x**2))
-    if error < criteria.clear_slope_error:
-        notes.facts |= {"stamps_follow": slope, "stamps_follow_error": error}
+    still, double = (float(np.mean(np.abs(y + mean[use] / usual - k) < 0.25)) for k in (0, 2))
+    return _Clocks(jitter, slope, error, off, expected, still, double)
+
+
+def _arrival(log: Log, step: Array, usual: float, notes: Notebook) -> None:
+    """Report stamps that are not the times of measurement."""
+    criteria = notes.criteria
+    found = _clocks(log, step, usual, criteria)
+    if found is None:
+        return
+    notes.facts["jitter"] = found.jitter
+    clear = found.error < criteria.clear_slope_error
+    if clear:
+        notes.facts |= {"stamps_follow": found.slope, "stamps_follow_error": found.error}
     advice = (
         "record the controller's own cycle count or time (header.stamp, not the time of arrival); if the controller's "
         "cycle is known, rebuild the stamps from it. Until then a regular clock is used where it fits better"
     )
     words = f"steps between {1e3 * step.min():.3g} and {1e3 * step.max():.3g} ms (usual {1e3 * usual:.3g} ms)"
-    arrived = slope + criteria.significant_errors * error < criteria.host_slope
-    if jitter > criteria.host_jitter and error < criteria.clear_slope_error and arrived:
-        notes.add(
-            "host clock",
-            f"{words}, a jitter of {percent(jitter, 1)} of a step that the positions do not show (they follow the "
-            f"jitter by a factor of {rounded(slope, error)}; a real jitter has 1): the stamps are times of arrival, "
-            "not of measurement",
-            (),
-            "certain",
-            advice,
+    arrived = found.slope + criteria.significant_errors * found.error < criteria.host_slope
+    if found.jitter > criteria.host_jitter and clear and arrived:
+        what = (
+            f"{words}, a jitter of {percent(found.jitter, 1)} of a step that the positions do not show (they follow "
+            f"the jitter by a factor of {rounded(found.slope, found.error)}; a real jitter has 1): the stamps are "
+            "times of arrival, not of measurement"
         )
-    elif off > criteria.buffer_jitter and off > criteria.buffer_noise * expected:
-        still, double = (float(np.mean(np.abs(y + mean[use] / usual - k) < 0.25)) for k in (0, 2))
-        notes.add(
-            "host clock",
-            f"{words}; the positions stand still over {percent(still, 1)} of the steps and advance by two over "
-            f"{percent(double, 1)}, and the stamps do not show this: samples were read from a buffer, not when they "
-            "were measured",
-            (),
-            "certain",
-            advice,
+        notes.add("host clock", what, (), "certain", advice)
+    elif found.off > criteria.buffer_jitter and found.off > criteria.buffer_noise * found.expected:
+        what = (
+            f"{words}; the positions stand still over {percent(found.still, 1)} of the steps and advance by two over "
+            f"{percent(found.double, 1)}, and the stamps do not show this: samples were read from a buffer, not when "
+            "they were measured"
         )
-    elif jitter > criteria.unclear_jitter and error >= criteria.clear_slope_error:
-        notes.add(
-            "jitter",
-            f"{words}; the positions cannot tell whether the stamps are the times of measurement",
-            (),
-            "possible",
-            "prefer stamps made where the positions are measured",
-        )
+        notes.add("host clock", what, (), "certain", advice)
+    elif found.jitter > criteria.unclear_jitter and not clear:
+        what = f"{words}; the positions cannot tell whether the stamps are the times of measurement"
+        notes.add("jitter", what, (), "possible", "prefer stamps made where the positions are measured")
 
 
 def _told_by_positions(q: Array, t: Array, window: int) -> tuple[Array, Array]:

@@ -26,6 +26,8 @@ from frischid.logs.mapping import LogMap
 from frischid.logs.mapping_rules import TICKS_PER_SECOND
 from frischid.logs.tables import CSV
 
+PLACES_NAMED = 6  # places of a file in one sentence
+
 
 def defects(path: Path, form: LogMap) -> LogReport | None:
     """Every kind of unusable line of a CSV file; None when there is none, or the file is not a CSV."""
@@ -162,7 +164,7 @@ def _stamps(lines: Sequence[int], t: np.ndarray, notes: Notebook) -> None:
         notes.add("gap", what, (), "certain", "a gap splits the log in two; nothing is filled in")
 
 
-def _ranges(lines: Sequence[int], most: int = 6) -> str:
+def _ranges(lines: Sequence[int]) -> str:
     """Line numbers as text; neighbouring lines as a range."""
     groups: list[list[int]] = []
     for line in lines:
@@ -170,5 +172,5 @@ def _ranges(lines: Sequence[int], most: int = 6) -> str:
             groups[-1][1] = line
         else:
             groups.append([line, line])
-    words = [str(a) if a == b else f"{a} to {b}" for a, b in groups[:most]]
-    return ", ".join(words) + (f" and {len(groups) - most} more places" if len(groups) > most else "")
+    words = [str(a) if a == b else f"{a} to {b}" for a, b in groups[:PLACES_NAMED]]
+    return ", ".join(words) + (f" and {len(groups) - PLACES_NAMED} more places" if len(groups) > PLACES_NAMED else "")

@@ -65,7 +65,7 @@ class Hypothesis:
 
     @property
     def key(self) -> frozenset[tuple[str, tuple[str, ...]]]:
-        """What the hypothesis claims."""
+        """The claim of the hypothesis."""
         return frozenset((fault.kind, fault.where) for fault in self.faults)
 
 

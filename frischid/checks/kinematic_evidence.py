@@ -1,4 +1,4 @@
-"""What the torques say of a log's positions and signs whatever the links weigh.
+"""Evidence of the torques on a log's positions and signs that holds whatever the links weigh.
 
 A fault undone changes the motion, the torques, or their signs. Parameters are fitted freely to the log as it is, and to
 the log with the fault undone, and predict stretches of time that were left out (`excitation.free_fit`). A fault that is

@@ -43,12 +43,12 @@ CARRIED = (
     "use a URDF with the payload if it belongs to the robot; take it off if it does not; if the robot carries nothing, "
     "the URDF is that of another robot, or its links are too light"
 )
-"""What to do about a body that the URDF lacks."""
+"""The remedy for a body that the URDF lacks."""
 LEFT_OFF = (
     "use a URDF without this hand or tool: the robot did not carry it; if the URDF has none, it is that of another "
     "robot, or its links are too heavy"
 )
-"""What to do about a body that the robot lacks."""
+"""The remedy for a body that the robot lacks."""
 
 
 @dataclass(frozen=True, eq=False)

@@ -57,13 +57,13 @@ def check_physics(sketch: Sketch, free: Callable[[Sketch], Array], notes: Notebo
         if not check_payload(sketch, notes):
             _unexplained(sketch, free, notes)
         return sketch
-    corrected = _say(found, sketch, notes)
+    corrected = _say(found, notes)
     if not any(f.kind == "payload" for f in found.best.faults) and not check_payload(corrected, notes):
         _unexplained(corrected, free, notes)
     return corrected
 
 
-def _say(found: Explanation, sketch: Sketch, notes: Notebook) -> Sketch:
+def _say(found: Explanation, notes: Notebook) -> Sketch:
     """Report the faults of the best hypothesis; return the thinned log with them undone."""
     sure: Sureness = "likely" if found.probability > notes.criteria.likely_probability else "possible"
     notes.facts["explanation"] = {

@@ -133,41 +133,55 @@ def moved(sketch: Sketch, factor: Array | None, order: NDArray[np.intp] | None) 
     return sketch.moving(**changes)
 
 
-def _zeros(sketch: Sketch, j: int) -> Iterator[Moved]:
-    """The zero of joint j shifted by the best multiple of 90° and by the best other angle."""
-    J, name = len(sketch.robot.joints), sketch.robot.joints[j]
-    unit = np.eye(J)[j]
-    angles = 2 * np.pi * np.arange(5) / 5
-    leads = name in {rule.leader for rule in sketch.robot.mimics.values()}
+class _Shifted:
+    """A sketch with the zero of joint j shifted.
 
-    def exact(delta: float) -> Array:
-        return sketch.robot.inverse_dynamics(sketch.q + delta * unit, sketch.v, sketch.a)
+    The torque is a sum of `_waves` of the shift: five shifts give it at all. Of a joint that others mimic it is not.
+    """
 
-    torques = np.array([] if leads else [exact(delta) for delta in angles])
-    inverse = np.linalg.inv(_waves(angles))
-    fits = RowFits(sketch)
-    reading = [fits.of(k, sketch.tau) for k in range(len(fits.rows))]
-    spread = [max(float(y.std()), 1e-12) for y in reading]
+    def __init__(self, sketch: Sketch, j: int) -> None:
+        robot = sketch.robot
+        self.sketch, self.unit, self.fits = sketch, np.eye(len(robot.joints))[j], RowFits(sketch)
+        self._reading = [self.fits.of(k, sketch.tau) for k in range(len(self.fits.rows))]
+        self._spread = [max(float(y.std()), 1e-12) for y in self._reading]
+        angles = 2 * np.pi * np.arange(5) / 5
+        self._leads = robot.joints[j] in {rule.leader for rule in robot.mimics.values()}
+        self._torques = np.array([] if self._leads else [self._exact(delta) for delta in angles])
+        self._inverse = np.linalg.inv(_waves(angles))
 
-    def nominal(delta: float) -> Array:
-        if leads:
-            return exact(delta)
-        return np.asarray(np.tensordot((_waves(np.array([delta])) @ inverse)[0], torques, axes=1))
+    def _exact(self, delta: float) -> Array:
+        sketch = self.sketch
+        return sketch.robot.inverse_dynamics(sketch.q + delta * self.unit, sketch.v, sketch.a)
 
-    def value(delta: float) -> float:
-        torque = nominal(delta)
+    def nominal(self, delta: float) -> Array:
+        """Torque of the URDF's links."""
+        if self._leads:
+            return self._exact(delta)
+        return np.asarray(np.tensordot((_waves(np.array([delta])) @ self._inverse)[0], self._torques, axes=1))
+
+    def value(self, delta: float) -> float:
+        """How well the shifted robot explains the torques, with the better sign of each."""
+        fits, torque, score = self.fits, self.nominal(delta), 0.0
         fits.nominal = [torque[use, i] for use, i in zip(fits.uses, fits.rows, strict=True)]
-        score = 0.0
-        for k, y in enumerate(reading):
-            score += fits.value(k, min(fits.error(k, y, spread[k]), fits.error(k, -y, spread[k])))
+        for k, (y, spread) in enumerate(zip(self._reading, self._spread, strict=True)):
+            score += fits.value(k, min(fits.error(k, y, spread), fits.error(k, -y, spread)))
         return score
 
-    right = max((np.pi / 2, np.pi, -np.pi / 2), key=value)
+    def sketch_at(self, delta: float) -> Sketch:
+        """The shifted sketch."""
+        moved = self.sketch.moving(q=self.sketch.q + delta * self.unit)
+        return replace(moved, given_nominal=self.nominal(delta))
+
+
+def _zeros(sketch: Sketch, j: int) -> Iterator[Moved]:
+    """The zero of joint j shifted by the best multiple of 90° and by the best other angle."""
+    J, name, shifted = len(sketch.robot.joints), sketch.robot.joints[j], _Shifted(sketch, j)
+    right = max((np.pi / 2, np.pi, -np.pi / 2), key=shifted.value)
     grid = np.deg2rad(np.arange(GRID_DEGREES, 360, GRID_DEGREES))
-    free = float(grid[int(np.argmax([value(x) for x in grid]))])
+    free = float(grid[int(np.argmax([shifted.value(x) for x in grid]))])
     for step in (4.0, 1.0, 0.3):
-        free = max((free + np.deg2rad(step) * k for k in range(-3, 4)), key=value)
-    n = float(fits.weight.mean())
+        free = max((free + np.deg2rad(step) * k for k in range(-3, 4)), key=shifted.value)
+    n = float(shifted.fits.weight.mean())
     for delta, choices, fitted in ((right, 3 * J, 0), (free, J, 2)):
         delta = (delta + np.pi) % (2 * np.pi) - np.pi
         if abs(delta) < np.deg2rad(1.0):
@@ -182,8 +196,7 @@ def _zeros(sketch: Sketch, j: int) -> Iterator[Moved]:
             discrete=fitted == 0,
             fix=((name, "offset", float(f"{delta:.6g}")),),
         )
-        shifted = replace(sketch.moving(q=sketch.q + delta * unit), given_nominal=nominal(delta))
-        yield Moved(shifted, fault)
+        yield Moved(shifted.sketch_at(delta), fault)
 
 
 def _waves(delta: Array) -> Array:

@@ -86,25 +86,7 @@ def inspect(
         log = unwrapped(log, _middle(robot))
     if (full_turns := degree_wraps_of(log.q) > 0).any():
         log = replace(log, q=np.rad2deg(unwrapped(replace(log, q=np.deg2rad(log.q)), _middle(robot)).q))
-    if log.tau is None and log.current is not None:
-        notes.add(
-            "currents only",
-            "the log has currents and no torques: the clock, positions, velocities and currents are checked, the "
-            "torques against the URDF are not",
-            (),
-            "certain",
-            "identify takes this log in amperes; for N·m, give the torque per ampere under [current_gain] in a mapping "
-            "file: frischid gains finds it from logs with and without a known payload",
-        )
-    elif log.tau is None and log.qcmd is not None:
-        notes.add(
-            "commands only",
-            "the log has commanded positions and no torques: the clock, positions and velocities are checked, the "
-            "torques against the URDF are not",
-            (),
-            "certain",
-            "name the controller that turns commands into torque: --controller pd --kp ... --kd ...",
-        )
+    _note_other_channels(log, notes)
     if check_jumps(log, notes) or check_millimetres(robot, log, notes):
         return notes.report(log.source)
     still = is_static(log)
@@ -139,6 +121,29 @@ def inspect(
     if degrees is not None and not _has(notes, "degrees"):  # the torques may have told it
         check_degrees(degrees, sketch, notes)
     return notes.report(log.source)
+
+
+def _note_other_channels(log: Log, notes: Notebook) -> None:
+    """Report a log without torques, whose currents or commands become torques later."""
+    if log.tau is not None:
+        return
+    if log.current is not None:
+        what = (
+            "the log has currents and no torques: the clock, positions, velocities and currents are checked, the "
+            "torques against the URDF are not"
+        )
+        advice = (
+            "identify takes this log in amperes; for N·m, give the torque per ampere under [current_gain] in a mapping "
+            "file: frischid gains finds it from logs with and without a known payload"
+        )
+        notes.add("currents only", what, (), "certain", advice)
+    elif log.qcmd is not None:
+        what = (
+            "the log has commanded positions and no torques: the clock, positions and velocities are checked, the "
+            "torques against the URDF are not"
+        )
+        advice = "name the controller that turns commands into torque: --controller pd --kp ... --kd ..."
+        notes.add("commands only", what, (), "certain", advice)
 
 
 def _middle(robot: Robot) -> Array:

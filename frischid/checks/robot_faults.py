@@ -1,4 +1,4 @@
-"""What a robot has and its URDF does not: a tilted base, a body on its last link, motors that turn with two joints.
+"""Parts of a robot that its URDF lacks: a tilted base, a body on its last link, motors that turn with two joints.
 
 All three add a torque that is linear in a few parameters and shared by several rows, as gravity does that a controller
 took off its torques before they were recorded:

@@ -123,7 +123,7 @@ def _rows(fits: RowFits, tau: Array, base: tuple[Fault, ...], simple: bool) -> L
     springs = {}
     free = set(range(R))
     while len(free) > 1:
-        pairs = [(_exchange(fits, i, k, tau, (spreads[i], spreads[k])), i, k) for i, k in combinations(sorted(free), 2)]
+        pairs = [(_exchange(fits, i, k, tau), i, k) for i, k in combinations(sorted(free), 2)]
         gains = [(x.score - best[i].score - best[k].score, n) for n, (x, i, k) in enumerate(pairs)]
         gain, n = max(gains)
         if gain <= 0:
@@ -142,7 +142,7 @@ def _rows(fits: RowFits, tau: Array, base: tuple[Fault, ...], simple: bool) -> L
     return Local(score, np.array(errors), tuple(faults), corrected, springs)
 
 
-def _exchange(fits: RowFits, i: int, k: int, tau: Array, spreads: tuple[float, float]) -> Option:
+def _exchange(fits: RowFits, i: int, k: int, tau: Array) -> Option:
     """Two torque columns exchanged; the option's `tau` holds the two errors."""
     pair = (fits.names[i], fits.names[k])
     one, other = fits.of(i, tau, fits.rows[k]), fits.of(k, tau, fits.rows[i])

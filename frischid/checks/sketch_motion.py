@@ -27,7 +27,7 @@ SPRING: Final = "spring"
 COUNTERBALANCE: Final = "counterbalance"
 """A torque that is a sine of the joint's angle, of any phase."""
 Beside = Literal["spring", "counterbalance"] | int
-"""What is fitted beside a joint's friction: a spring, a counterbalance, or the other joint that its motor turns."""
+"""A term fitted beside a joint's friction: a spring, a counterbalance, or the other joint that its motor turns."""
 
 
 @dataclass(frozen=True, eq=False)

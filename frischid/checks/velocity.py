@@ -119,59 +119,21 @@ def _scaled(factor: Array, good: NDArray[np.bool_], notes: Notebook) -> None:
     for unit, scale in TICKS_PER_SECOND.items():
         hit = odd & ((np.abs(factor / scale - 1) < near) | (np.abs(factor * scale - 1) < near))
         if scale > 1 and everywhere and hit[good].all():
-            _say(
-                notes,
-                hit,
-                factor,
-                "unit of time",
-                f"the stamps are in {unit}",
-                "correct time_unit in a mapping file",
-                True,
-            )
+            advice = "correct time_unit in a mapping file"
+            _say(notes, hit, factor, "unit of time", f"the stamps are in {unit}", advice, True)
             return
+    in_degrees = "positions are in degrees, velocities are not"
     cases = [
-        (
-            DEGREES_PER_RADIAN,
-            "degrees",
-            "velocities are in degrees",
-            _ADVICE,
-            False,
-        ),
-        (
-            1 / DEGREES_PER_RADIAN,
-            "degrees",
-            "positions are in degrees, velocities are not",
-            "convert the positions",
-            True,
-        ),
-        (
-            -1.0,
-            "velocity sign",
-            "it has the wrong sign",
-            _ADVICE,
-            False,
-        ),
-        (
-            TURNS_PER_MINUTE,
-            "velocity scale",
-            "velocities are in revolutions per minute",
-            _ADVICE,
-            False,
-        ),
+        (DEGREES_PER_RADIAN, "degrees", "velocities are in degrees", _ADVICE, False),
+        (1 / DEGREES_PER_RADIAN, "degrees", in_degrees, "convert the positions", True),
+        (-1.0, "velocity sign", "it has the wrong sign", _ADVICE, False),
+        (TURNS_PER_MINUTE, "velocity scale", "velocities are in revolutions per minute", _ADVICE, False),
     ]
     for known, kind, words, advice, blocks in cases:
         hit = odd & (np.abs(factor / known - 1) < near)
         _say(notes, hit, factor, kind, words, advice, blocks)
         odd &= ~hit
-    _say(
-        notes,
-        odd,
-        factor,
-        "velocity scale",
-        "a gear ratio or a unit",
-        _ADVICE,
-        False,
-    )
+    _say(notes, odd, factor, "velocity scale", "a gear ratio or a unit", _ADVICE, False)
 
 
 def _say(

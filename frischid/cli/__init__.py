@@ -7,8 +7,6 @@ Every command takes ``--json`` for machines. Heavy imports are done only when a 
 from frischid.cli import (
     carrying,
     checking,
-    completion,
-    doctor,
     drives,
     exporting,
     fitting,
@@ -17,7 +15,6 @@ from frischid.cli import (
     learning,
     motions,
     paper,
-    schema,
     seeing,
 )
 from frischid.cli.group import main
@@ -25,8 +22,6 @@ from frischid.cli.group import main
 __all__ = [
     "carrying",
     "checking",
-    "completion",
-    "doctor",
     "drives",
     "exporting",
     "fitting",
@@ -36,6 +31,5 @@ __all__ = [
     "main",
     "motions",
     "paper",
-    "schema",
     "seeing",
 ]

@@ -87,6 +87,15 @@ def torque_joints_option(command: Callable[..., Any]) -> Callable[..., Any]:
     return click.option("--torque-joints", help=said)(command)
 
 
+fitted_joints_option = click.option(
+    "--torque-joints", help="Joints whose torque is fitted, comma separated; all that have one by default."
+)
+velocity_option = click.option(
+    "--velocity",
+    type=click.Choice(["auto", "measured", "derived"]),
+    default="auto",
+    help="Velocities as measured, or derived from the positions; auto: measured ones if they agree with the positions.",
+)
 torque_lag_option = click.option(
     "--torque-lag",
     default="auto",

@@ -13,6 +13,7 @@ from frischid.cli.arguments import (
     cutoff_option,
     effects_of,
     effects_option,
+    fitted_joints_option,
     json_option,
     map_option,
     matching,
@@ -21,6 +22,7 @@ from frischid.cli.arguments import (
     torque_lag_of,
     torque_lag_option,
     valid_option,
+    velocity_option,
 )
 from frischid.cli.controllers import ControllerArguments, controller_options
 from frischid.cli.fleets import FleetArguments, run_fleet
@@ -65,15 +67,10 @@ def info(robot: str | None, effects: str | None, as_json: bool, **options: Any) 
 @effects_option
 @map_option
 @controller_options
-@click.option("--torque-joints", help="Joints whose torque is fitted, comma separated; all that have one by default.")
+@fitted_joints_option
 @cutoff_option
 @torque_lag_option
-@click.option(
-    "--velocity",
-    type=click.Choice(["auto", "measured", "derived"]),
-    default="auto",
-    help="Velocities as measured, or derived from the positions; auto: measured ones if they agree with the positions.",
-)
+@velocity_option
 @click.option(
     "--estimator",
     default="wls",

@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from dataclasses import dataclass
+from dataclasses import dataclass, fields
 from typing import Any, Literal
 
 import click
@@ -14,6 +14,7 @@ from frischid.cli.arguments import (
     cutoff_option,
     effects_of,
     effects_option,
+    fitted_joints_option,
     json_option,
     map_option,
     matching,
@@ -21,6 +22,7 @@ from frischid.cli.arguments import (
     scheduler_option,
     torque_lag_of,
     torque_lag_option,
+    velocity_option,
     workers_option,
 )
 from frischid.cli.group import main
@@ -37,15 +39,10 @@ DIAGNOSED = 20  # robots that are diagnosed by default, those that differ most f
 @robot_options
 @effects_option
 @map_option
-@click.option("--torque-joints", help="Joints whose torque is fitted, comma separated; all that have one by default.")
+@fitted_joints_option
 @cutoff_option
 @torque_lag_option
-@click.option(
-    "--velocity",
-    type=click.Choice(["auto", "measured", "derived"]),
-    default="auto",
-    help="Velocities as measured, or derived from the positions; auto: measured ones if they agree with the positions.",
-)
+@velocity_option
 @click.option(
     "--prior",
     type=click.Choice(["urdf", "none"]),
@@ -61,24 +58,7 @@ DIAGNOSED = 20  # robots that are diagnosed by default, those that differ most f
 )
 @click.option("-o", "--output", type=OutputPath(), help="Write the model of the fleet here (JSON).")
 @json_option
-def fleet(
-    robot: str,
-    logs: tuple[str, ...],
-    as_json: bool,
-    effects: str | None,
-    mapping: MapFiles,
-    torque_joints: str | None,
-    cutoff: str,
-    torque_lag: str,
-    velocity: str,
-    prior: Literal["urdf", "none"],
-    scheduler: str | None,
-    workers: int | None,
-    strict: bool,
-    diagnosed: int,
-    output: str | None,
-    **options: Any,
-) -> None:
+def fleet(robot: str, logs: tuple[str, ...], as_json: bool, **options: Any) -> None:
     """Identify many equal robots, and find those that differ.
 
     Robots are identified each alone and all together.
@@ -87,20 +67,7 @@ def fleet(
     The name of a log's robot is the text at {robot}; without {robot}, the first folder below the pattern's fixed part;
     without folders, the file's name.
     """
-    arguments = FleetArguments(
-        effects,
-        mapping,
-        torque_joints,
-        cutoff,
-        velocity,
-        prior,
-        output,
-        scheduler,
-        workers,
-        strict,
-        diagnosed,
-        torque_lag,
-    )
+    arguments = FleetArguments(**{field.name: options.pop(field.name) for field in fields(FleetArguments)})
     run_fleet(robot, RobotArguments(**options), logs, arguments, as_json)
 
 

@@ -1,7 +1,8 @@
-"""The commands `effects` and `demo`: the catalogue of effects, and the whole procedure on a simulated arm."""
+"""The commands `effects`, `demo`, `doctor`, `schema` and `completion`: a first run, and pages about frischid itself."""
 
 from __future__ import annotations
 
+import json
 from pathlib import Path
 
 import click
@@ -11,6 +12,15 @@ from frischid.cli.group import main
 from frischid.cli.output import show_page, working
 from frischid.cli.paths import OutputFolder, OutputPath
 from frischid.errors import InputError, UnknownNameError
+
+SHELLS = ("bash", "zsh", "fish")
+COMPLETION_HELP = """Print a script that completes commands and options in a shell.
+
+\b
+bash: frischid completion bash >> ~/.bashrc
+zsh:  frischid completion zsh >> ~/.zshrc
+fish: frischid completion fish > ~/.config/fish/completions/frischid.fish
+"""
 
 
 @main.command()
@@ -72,3 +82,48 @@ def _practise(folder: Path, as_json: bool) -> None:
     files = sorted(str(path.relative_to(folder)) for path in folder.rglob("*") if path.is_file())
     words = f"{escape(str(folder))}: {', '.join(files)}. Change to this folder; the commands of the guides run there."
     show_page(Page({"folder": str(folder), "files": files}, [words]), as_json)
+
+
+@main.command()
+@json_option
+def doctor(as_json: bool) -> None:
+    """Show versions and optional parts, and run a self-test.
+
+    Attach the output to a report of a fault. Exit code 1: the self-test failed.
+    """
+    from frischid.cli.pages import doctor as show
+    from frischid.cli.self_test import self_test
+
+    with working(as_json) as progress:
+        progress("testing")
+        trials = self_test()
+    show_page(show.health(trials), as_json)
+    if not all(trial.passed for trial in trials):
+        raise SystemExit(1)
+
+
+@main.command()
+@click.argument("name", required=False)
+@json_option
+def schema(name: str | None, as_json: bool) -> None:
+    """Print the JSON Schema of an output or a file. Without NAME, list the names."""
+    from frischid.cli.outputs.schemas import TYPES, schema_of
+    from frischid.cli.pages.page import Page
+
+    if name is None:
+        show_page(Page(list(TYPES), [", ".join(TYPES)]), as_json)
+        return
+    if name not in TYPES:
+        raise UnknownNameError("schema", name, tuple(TYPES))
+    click.echo(json.dumps(schema_of(name), indent=1))
+
+
+@main.command(help=COMPLETION_HELP)
+@click.argument("shell", type=click.Choice(SHELLS))
+def completion(shell: str) -> None:
+    """Print a script for a shell."""
+    from click.shell_completion import get_completion_class
+
+    kind = get_completion_class(shell)
+    assert kind is not None  # click knows these three
+    click.echo(kind(main, {}, "frischid", "_FRISCHID_COMPLETE").source())

@@ -107,7 +107,9 @@ def simulate(
     required=True,
     help="Motion: .csv, .parquet or .npz (t, q, v, a), .yaml (ROS JointTrajectory) or .script (URScript).",
 )
-@click.option("--home", help="Pose at rest before and after, rad (m): one number per joint, comma separated; or zero.")
+@click.option(
+    "--home", help="Pose before and after the motion, rad (m): one number per joint, comma separated; or zero."
+)
 @click.option("--duration", default=20.0, show_default=True, help="Seconds.")
 @click.option("--rate", default=100.0, show_default=True, help="Samples per second.")
 @click.option(
@@ -191,13 +193,13 @@ def excite(
     from frischid.motions.chirps import check_command_rate
     from frischid.motions.collision import Clearance
     from frischid.motions.discrimination import separate as plan_separation
+    from frischid.motions.families import check_return
     from frischid.motions.limits import MotionLimits
     from frischid.motions.motion_request import check_rate, check_runs
     from frischid.motions.plan import plan
     from frischid.motions.plan_options import PlanOptions
     from frischid.motions.programme import checked_home, programme
     from frischid.motions.programme_files import check_file, save
-    from frischid.motions.trajectory import check_return
 
     if budget < 1:
         raise InputError(f"--budget must be at least one evaluation, got {budget}")

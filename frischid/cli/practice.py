@@ -63,11 +63,11 @@ def in_amperes(log: Log, gains: tuple[float, ...]) -> Log:
     return replace(log, tau=None, current=log.tau / np.array(gains))
 
 
-def with_commands(log: Log, kp: float = 400.0, kd: float = 4.0) -> Log:
-    """The same motion from a robot that reports commanded positions instead of torques."""
+def with_commands(log: Log) -> Log:
+    """The same motion from a robot with kp = 400 and kd = 4 that reports commanded positions instead of torques."""
     assert log.tau is not None
     assert log.v is not None
-    return replace(log, tau=None, v=None, qcmd=log.q + (log.tau + kd * log.v) / kp)
+    return replace(log, tau=None, v=None, qcmd=log.q + (log.tau + 4.0 * log.v) / 400.0)
 
 
 def as_rtde(log: Log, gains: tuple[float, ...]) -> dict[str, Array]:

@@ -60,7 +60,7 @@ def installed(requirement: str) -> str | None:
 
 
 def install_command(extra: str) -> str:
-    """What to type to get an optional part.
+    """The command that installs an optional part.
 
     >>> from frischid.core.extras import install_command
     >>> 'pip install "pooch' in install_command("fetch")

@@ -18,10 +18,10 @@ import sys
 from abc import ABC, abstractmethod
 from collections.abc import Callable, Iterator, Sequence
 from contextlib import ExitStack, contextmanager
-from importlib import metadata
 from typing import Any
 
 from frischid.core.extras import install_command
+from frischid.core.version import __version__
 from frischid.errors import InputError
 
 LOCAL, HERE = "local", "none"
@@ -190,15 +190,14 @@ def _check_versions(client: Any, scheduler: str) -> None:
     """Refuse a cluster whose workers have another version of frischid."""
     if not client.scheduler_info(n_workers=-1)["workers"]:
         raise InputError(f"{scheduler}: the scheduler has no workers; start some with `dask worker {scheduler}`")
-    own = metadata.version("frischid")
     for worker, found in client.run(version).items():
-        if found != own:
+        if found != __version__:
             raise InputError(
-                f"{scheduler}: the worker at {worker} has frischid {found}, and this process has {own}; install one "
-                "version on all machines"
+                f"{scheduler}: the worker at {worker} has frischid {found}, and this process has {__version__}; "
+                "install one version on all machines"
             )
 
 
 def version() -> str:
     """Version of frischid on the worker that runs this function."""
-    return metadata.version("frischid")
+    return __version__

@@ -1,4 +1,4 @@
-"""What a notebook shows of a result: a page, a figure and a table, made only when they are asked for.
+"""A result in a notebook: a page, a figure and a table, made only when they are asked for.
 
 A result is data and knows nothing of pages. This class is the one hook: it hands the result to
 `frischid.reports.notebook`, which is loaded then and not before.

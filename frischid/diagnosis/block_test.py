@@ -99,21 +99,10 @@ def less_error(validator: CrossValidator, one: Candidate, other: Candidate) -> f
     return p_value_of(*_compared(validator, fits[1], fits[0], tuple(one.columns)))
 
 
-def block_gains(
-    validator: CrossValidator, candidate: Candidate, rows: Sequence[int] | None = None
-) -> BlockGains | None:
-    """Gain and energy of each block of time that has rows; None when a fold cannot fit the candidate.
-
-    Parameters
-    ----------
-    validator : CrossValidator
-    candidate : Candidate
-    rows : sequence of int, optional
-        Joints whose error counts, all by default.
-    """
+def block_gains(validator: CrossValidator, candidate: Candidate) -> BlockGains | None:
+    """Gain and energy of each block of time that has rows; None when a fold cannot fit the candidate."""
     fits = _Fits.of(validator, candidate)
-    everywhere = range(len(validator.joints))
-    return None if fits is None else _compared(validator, None, fits, everywhere if rows is None else rows)
+    return None if fits is None else _compared(validator, None, fits, range(len(validator.joints)))
 
 
 class _Fits(NamedTuple):

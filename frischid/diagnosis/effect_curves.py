@@ -147,9 +147,9 @@ def _best_stretch(log: Indices, t: Array, gain: Array) -> tuple[Indices, int]:
     return found, source
 
 
-def correlation_ratio(x: Array, y: Array, bins: int = _BINS) -> float:
+def correlation_ratio(x: Array, y: Array) -> float:
     """Share of the variance of y that the means over quantile bins of x explain, in [0, 1]."""
-    edges = np.unique(np.quantile(x, np.linspace(0, 1, bins + 1)))
+    edges = np.unique(np.quantile(x, np.linspace(0, 1, _BINS + 1)))
     if len(edges) < 3 or not np.ptp(y) > 0:
         return 0.0
     where = np.clip(np.searchsorted(edges, x, side="right") - 1, 0, len(edges) - 2)

@@ -7,7 +7,7 @@ Where the error is well above the noise, any share is enough. Near the noise, th
 of the error lies at reversals and standstill, dry friction is undetermined: the share must reach four fifths, and the
 motion must show the effect too, as far as the effect acts there (`reversal_residuals`).
 
-What noise of the positions alone explains on the healthy twin is no effect (`healthy_twin`).
+Error that noise of the positions alone explains on the healthy twin is no effect (`healthy_twin`).
 """
 
 from __future__ import annotations

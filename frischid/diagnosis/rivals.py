@@ -1,4 +1,4 @@
-"""What stands instead of the first finding, what stands beside it, and the motion that separates two effects.
+"""Rivals of the first finding, findings that hold beside it, and the motion that separates two effects.
 
 Where the first finding has less than 80 % (`DiagnosisCriteria.sure_probability`), its sentence names up to three others
 that may be the cause instead, and the command that plans a motion on which two effects act differently. So a user hears

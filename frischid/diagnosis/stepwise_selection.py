@@ -187,7 +187,7 @@ def with_all(validator: CrossValidator, chosen: Iterable[ScoredCandidate]) -> Cr
 
 
 def own_parts(validator: CrossValidator, chosen: Sequence[ScoredCandidate]) -> list[OwnPart]:
-    """What each of the chosen explains beside the others."""
+    """The error that each of the chosen explains beside the others."""
     known, everyone = validator.known_residual**2, range(len(chosen))
 
     def errors(members: Iterable[int]) -> Array:

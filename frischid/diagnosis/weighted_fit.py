@@ -24,8 +24,8 @@ Where θ, or the coefficient of a candidate, would have an impossible sign, all 
 for the model alone and with the candidate. So no candidate gains from other parameters that a refit would refuse.
 
 **Weights come from residuals, and residuals from weights.** This iteration can have two ends. If the URDF is far from
-the truth, a fit that believes the prior leaves a large and slow residual. Then the data get little weight, so the prior
-is believed again. From weights so large that the data alone decide, the iteration ends elsewhere. Both starts are
+the truth, a fit near the prior leaves a large and slow residual. Then the data get little weight, so the next fit is
+near the prior again. From weights so large that the data alone decide, the iteration ends elsewhere. Both starts are
 tried, and the fit that predicts the folds left out better is kept,
 
     minimum of  Σ_j N_j log Q_j,     Q_j = Σ_f Q_fj.

@@ -1,4 +1,4 @@
-"""What is known of a position controller, corrected: the age of its commands, its position gain and its damping.
+"""Corrections of a known position controller: the age of its commands, its position gain and its damping.
 
 A log of commands has the torque that the controller, as it is known, computes (`frischid.logs.controller`):
 

@@ -111,7 +111,7 @@ _ROADS = Remembered[_Road]()
 
 
 class _Steps(NamedTuple):
-    """What drives links within each step of a road, (G - 1, ...): one column per link where many move together.
+    """The drive of links within each step of a road, (G - 1, ...): one column per link where many move together.
 
     ``push`` is the part of the push on the link that does not depend on its deflection.
     """

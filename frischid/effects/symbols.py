@@ -1,4 +1,4 @@
-"""What the symbols in an effect's equation stand for, in words.
+"""The meaning of the symbols in an effect's equation, in words.
 
 A symbol is one of four: a quantity of the motion or of the model, which has the same letter in every equation
 (`COMMON`); a quantity of this effect alone (its class attribute ``symbols``); a shape parameter, which the class's
@@ -69,7 +69,7 @@ def symbols_of(kind: type[Effect]) -> dict[str, str]:
 
 
 def parameter_texts(kind: type[Effect]) -> dict[str, str]:
-    """What a class's docstring says of each attribute: its first sentence."""
+    """The first sentence of a class's docstring on each attribute."""
     text = cleandoc(kind.__doc__ or "").partition("Attributes\n----------\n")[2]
     found = {}
     for name, body in re.findall(r"^(\w+) : .*\n((?:[ ]+.*\n?)+)", text, re.MULTILINE):

@@ -20,10 +20,11 @@ from scipy import linalg
 from frischid.core.types import Array
 from frischid.errors import IdentifiabilityError
 
+GAIN_PASSES = 5  # iterations of the joints' weights, which depend on g
 GAIN_CONVERGED = 1e-8  # relative change at which the iteration has converged
 
 
-def total_least_squares(M: Array, counts: Array, iterations: int = 5) -> tuple[Array, Array]:
+def total_least_squares(M: Array, counts: Array) -> tuple[Array, Array]:
     """Scales g = 1/κ and φ by mixed least squares - total least squares: only i is noisy.
 
     Parameters
@@ -32,8 +33,6 @@ def total_least_squares(M: Array, counts: Array, iterations: int = 5) -> tuple[A
         Moments of [A i], the known column of A last but one.
     counts : ndarray, shape (J,)
         Rows of each joint.
-    iterations : int
-        Iterations of the joints' weights, which depend on g.
 
     Returns
     -------
@@ -53,7 +52,7 @@ def total_least_squares(M: Array, counts: Array, iterations: int = 5) -> tuple[A
     size = np.where(size > 0, size, 1.0)
     noise = np.array([_left(m) for m in M]) / counts
     weights = 1.0 / M[:, -1, -1]
-    for _ in range(iterations):
+    for _ in range(GAIN_PASSES):
         A = np.einsum("j,jab->ab", weights, M[:, :-1, :-1]) / np.outer(size, size)
         AV = weights[:, None] * M[:, :-1, -1] / size
         solved = linalg.solve(A + 1e-13 * np.trace(A) / len(A) * np.eye(len(A)), AV.T, assume_a="pos")

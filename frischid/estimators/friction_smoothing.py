@@ -20,8 +20,8 @@ import numpy as np
 
 from frischid.effects import BASELINE, Coulomb, Effect, State, Term
 from frischid.errors import IdentifiabilityError
-from frischid.estimators.held_out import held_out_stretches
-from frischid.estimators.least_squares import cross_validated, joint_weights
+from frischid.estimators.held_out import held_out_stretches, held_out_variance
+from frischid.estimators.least_squares import joint_weights, least_squares_folds
 from frischid.logs.filters import LowPass
 from frischid.logs.preprocessing import Motion
 from frischid.regression.accumulation import accumulate
@@ -164,7 +164,7 @@ def _errors(
         names = [f"{c.name}_{k}" if c.effect == Coulomb.id else c.name for c in leading]
         chosen = stretches.select([place[n] for n in names]).described(described)
         whole = chosen.total()
-        variance = cross_validated(chosen, joint_weights(whole))
+        variance = held_out_variance(least_squares_folds(chosen, joint_weights(whole)))
         # The mean of logarithms, as in the likelihood of joints that each have noise of their own.
         left = np.maximum(variance / np.maximum(whole.torque_ss() / whole.counts, LEAST_VARIANCE), LEAST_VARIANCE)
         found[member] = float(np.exp(0.5 * np.mean(np.log(left))))

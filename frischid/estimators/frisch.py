@@ -89,12 +89,6 @@ class Box:
         """Whether each interval is bounded and narrower than that of `other`, shape (p,)."""
         return np.isfinite(self.width) & (self.width < other.width)
 
-    def intersect(self, other: Box) -> Box:
-        """Return the bounds that satisfy both boxes; EmptyBoxError when they contradict one another."""
-        if self.names != other.names:
-            raise InputError("two boxes of different parameters cannot be intersected; select the same ones")
-        return Box(self.names, np.maximum(self.lower, other.lower), np.minimum(self.upper, other.upper))
-
     def with_signs(self, signs: Sequence[Sign]) -> Box:
         """Start intervals at zero where a sign is known: +1 nonnegative, −1 nonpositive, 0 unknown."""
         if len(signs) != len(self.names):

@@ -28,7 +28,7 @@ from scipy import linalg
 
 from frischid.core.types import Array, Column
 from frischid.errors import IdentifiabilityError
-from frischid.estimators.held_out import Fold, held_out_stretches, held_out_variance
+from frischid.estimators.held_out import Fold, held_out_stretches
 from frischid.estimators.moderation import moderated, satterthwaite
 from frischid.estimators.normal_equations import NormalEquations
 from frischid.estimators.precision import precision_of
@@ -37,6 +37,7 @@ from frischid.regression.moments import Gram
 
 JACKKNIFE_BLOCKS = 10  # with fewer blocks of data, their scatter does not show the correlation
 SINGULAR_PIVOT = 1e-7  # least pivot of a Cholesky factor over the largest, below which its matrix is taken as singular
+WEIGHT_PASSES = 8  # iterations of the joints' weights at most
 ROUNDING_SHARE = 1e-9  # share of a joint's torque below which a residual is rounding, not noise
 HARDLY_KNOWN = 0.5  # share from the logs below, or standard error over value above, which a parameter is hardly known
 LEAST_RELATIVE_RESIDUAL = 1e-3  # a joint's relative residual counts as at least this share of the median joint's
@@ -177,19 +178,19 @@ def ols(blocks: Sequence[Gram]) -> Estimate:
     return _finish(blocks, np.ones(len(blocks[0].joints)), "ols")
 
 
-def wls(blocks: Sequence[Gram], iterations: int = 8, prior: Prior | None = None) -> Estimate:
+def wls(blocks: Sequence[Gram], prior: Prior | None = None) -> Estimate:
     """Least squares with every joint weighted by its own residual variance, iterated; see `ols`.
 
     With a prior, maximum a posteriori; the covariance is then the posterior's, widened for correlated residuals.
     """
-    weights = joint_weights(total(blocks), iterations, prior)
+    weights = joint_weights(total(blocks), prior)
     return _finish(blocks, weights, "wls") if prior is None else _posterior(blocks, weights, prior)
 
 
-def joint_weights(whole: Gram, iterations: int = 8, prior: Prior | None = None) -> Array:
+def joint_weights(whole: Gram, prior: Prior | None = None) -> Array:
     """Weights of `wls`: the inverse of each joint's residual variance, (J,)."""
     weights = np.ones(len(whole.joints))
-    for _ in range(iterations):
+    for _ in range(WEIGHT_PASSES):
         theta = _solve(whole, weights, prior).theta
         updated = 1.0 / np.maximum(_variance(whole, theta), 1e-150)
         done = bool(np.allclose(updated, weights, rtol=1e-4))
@@ -216,13 +217,14 @@ def _variance(whole: Gram, theta: Array) -> Array:
 
 
 def _solve(whole: Gram, weights: Array, prior: Prior | None = None) -> NormalEquations:
-    return _solved(whole.weighted(weights), whole.names, whole.rows, prior)
-
-
-def _solved(moments: Array, names: tuple[str, ...], rows: int, prior: Prior | None) -> NormalEquations:
-    """The fit to weighted moments of so many torque rows."""
+    moments = whole.weighted(weights)
     if prior is not None:
-        return NormalEquations(moments + prior.moments, names)
+        return NormalEquations(moments + prior.moments, whole.names)
+    return _solved(moments, whole.names, whole.rows)
+
+
+def _solved(moments: Array, names: tuple[str, ...], rows: int) -> NormalEquations:
+    """The fit to weighted moments of so many torque rows."""
     if rows < len(names) + 1:
         raise IdentifiabilityError(
             f"{rows} torque rows cannot determine {len(names)} parameters; record longer, or raise the cut-off"
@@ -318,7 +320,7 @@ def _jackknife(
     return found * np.outer(grow, grow), ()
 
 
-def least_squares_folds(blocks: Sequence[Gram], weights: Array, prior: Prior | None = None) -> tuple[Fold, ...]:
+def least_squares_folds(blocks: Sequence[Gram], weights: Array) -> tuple[Fold, ...]:
     """Fits without each stretch of time in turn, with these weights of the joints.
 
     Raises
@@ -329,11 +331,6 @@ def least_squares_folds(blocks: Sequence[Gram], weights: Array, prior: Prior | N
     whole = total(blocks)
     every, folds = whole.weighted(weights), []
     for out in held_out_stretches(blocks):
-        left = _solved(every - out.weighted(weights), whole.names, whole.rows - out.rows, prior)
+        left = _solved(every - out.weighted(weights), whole.names, whole.rows - out.rows)
         folds.append(Fold(out, left.theta))
     return tuple(folds)
-
-
-def cross_validated(blocks: Sequence[Gram], weights: Array, prior: Prior | None = None) -> Array:
-    """Residual variance of each joint on stretches left out of the fit in turn, (J,)."""
-    return held_out_variance(least_squares_folds(blocks, weights, prior))

@@ -58,9 +58,9 @@ class MapProblem:
             left_out = less.weighted(weights)
             moments, torque = moments - left_out[:-1, :-1], torque - left_out[:-1, -1]
         root, target = _square_root(moments, torque)
-        believed = np.sqrt(precision)
+        of_prior = np.sqrt(precision)
         return WeightedRows.of(
-            np.vstack([root @ self.A, np.diag(believed)]), np.append(target, believed * self.mean), self.bounded
+            np.vstack([root @ self.A, np.diag(of_prior)]), np.append(target, of_prior * self.mean), self.bounded
         )
 
 

@@ -39,6 +39,7 @@ from frischid.robot.robot import Robot
 
 MOTION_CHANNELS = ("q", "v", "a")
 ONE_TAP = np.ones(1)
+NOISE_MARGIN = 1.5  # limit of a sensor's noise over its measured level
 SAME_CHANNEL = 2e-7  # relative difference of two channels that is rounding of the derivative's weights
 
 
@@ -248,12 +249,10 @@ def noise_levels(motions: Iterable[Motion], robot: Robot, lowpass: LowPass) -> d
     return {name: float(np.median(v)) for name, v in values.items()}
 
 
-def noise_limits(
-    motions: Iterable[Motion], robot: Robot, lowpass: LowPass, margin: float = 1.5
-) -> dict[str, tuple[float, float]]:
-    """Noise limits for `sensorwise` where there is no data sheet: at most `margin` times `noise_levels`.
+def noise_limits(motions: Iterable[Motion], robot: Robot, lowpass: LowPass) -> dict[str, tuple[float, float]]:
+    """Noise limits for `sensorwise` where there is no data sheet: at most `NOISE_MARGIN` times `noise_levels`.
 
     They hold for errors that are white; an encoder's eccentricity or a late velocity is more than they allow.
     """
     levels = noise_levels(motions, robot, lowpass)
-    return {name: (0.0, margin * level) for name, level in levels.items() if not name.startswith(TORQUE)}
+    return {name: (0.0, NOISE_MARGIN * level) for name, level in levels.items() if not name.startswith(TORQUE)}

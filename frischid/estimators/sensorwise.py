@@ -172,46 +172,6 @@ def sensorwise(data: SensorMoments, *, confidence: float = 0.95, limits: Limits 
     return scheme.result(middle, corners, [middle, *found, *scheme.extremes(middle)])
 
 
-def compensated(data: SensorMoments, sigma: Mapping[str, float]) -> tuple[Array, Array]:
-    """Least squares with the bias of known sensor noise removed: ``(Σ − Σ_s σ_s² S_s)_yy θ = (…)_yτ``.
-
-    Parameters
-    ----------
-    data : SensorMoments
-    sigma : mapping of str to float
-        Standard deviations of the sensors, in their units; sensors not named are exact.
-
-    Returns
-    -------
-    theta : ndarray, shape (p,)
-    covariance : ndarray, shape (p, p)
-
-    Raises
-    ------
-    IdentifiabilityError
-        The noise given is more than the data hold.
-    """
-    variance, _ = _variance_limits(data.sensors, {name: (s, s) for name, s in sigma.items()})
-    blocks = data.moments - np.tensordot(variance, data.noise, axes=1)
-    M = blocks.sum(axis=0)
-    scale = 1.0 / np.sqrt(np.diag(data.moments.sum(axis=0))[:-1])
-    try:
-        factor = linalg.cho_factor(M[:-1, :-1] * np.outer(scale, scale))
-    except linalg.LinAlgError:
-        raise IdentifiabilityError(
-            "the given noise of the sensors is larger than the variation of some column of the regressor; give "
-            "smaller standard deviations"
-        ) from None
-    theta = scale * linalg.cho_solve(factor, scale * M[:-1, -1])
-    scores = blocks[:, :-1, -1] - blocks[:, :-1, :-1] @ theta
-    scaled = np.outer(scale, scale)
-    changes = np.stack(
-        [np.linalg.solve((M - b)[:-1, :-1] * scaled, x * scale) for b, x in zip(blocks, scores, strict=True)]
-    )
-    changes *= scale
-    return theta, (len(blocks) - 1) / len(blocks) * changes.T @ changes
-
-
 def _variance_limits(sensors: tuple[str, ...], limits: Limits) -> tuple[Array, Array]:
     for name, (low, high) in limits.items():
         if name not in sensors:

@@ -140,7 +140,7 @@ class _Columns:
 
 
 def _certain(t: Array, motion: Motion, channels: Sequence[str]) -> Array:
-    """What of the states has no error, (M, 1 + C): the times (M,), and the further channels at these times."""
+    """The part of the states without error, (M, 1 + C): the times (M,), and the further channels at these times."""
     return np.column_stack([t, *(np.interp(t, motion.t, motion.extra[name]) for name in channels)])
 
 

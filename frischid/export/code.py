@@ -81,7 +81,7 @@ def numpy_source(model: Model) -> str:
 
 
 def python_values(code: CodeModel, language: Language) -> dict[str, object]:
-    """What every generated Python file has: joints, bodies, tables of links, and sizes of the state."""
+    """Values of every generated Python file: joints, bodies, tables of links, and sizes of the state."""
     robot = code.model.robot
     return {
         "head": _head(code, ""),

@@ -10,9 +10,8 @@ from __future__ import annotations
 
 import re
 from collections.abc import Mapping, Sequence
-from dataclasses import dataclass, replace
+from dataclasses import replace
 from pathlib import Path
-from xml.parsers import expat
 
 import numpy as np
 import pinocchio as pin
@@ -28,25 +27,7 @@ from frischid.model.model import Model
 from frischid.robot.inertia import dynamic_parameters, is_physical, pseudo_inertia
 from frischid.robot.mjcf_reading import model_of_mjcf
 from frischid.robot.robot import Robot
-from frischid.robot.urdf_edit import end_of_tag
-
-
-@dataclass
-class _Tag:
-    """Place of a start tag in the bytes of a file."""
-
-    start: int
-    end: int
-    name: str
-
-
-@dataclass
-class _Body:
-    """A body of the file: its tag, its own inertial, and its joint."""
-
-    tag: _Tag
-    inertial: _Tag | None = None
-    joint: _Tag | None = None
+from frischid.robot.xml_places import Element, elements
 
 
 def edited_mjcf(model: Model, path: Path) -> str:
@@ -75,7 +56,9 @@ def edited_mjcf(model: Model, path: Path) -> str:
         raise InputError(f"{path}: byte {error.start} is not UTF-8; save the MJCF file as UTF-8 first") from None
     if re.search(rb"inertiafromgeom\s*=\s*[\"']true", data):
         raise InputError(f'{path}: inertiafromgeom="true" makes MuJoCo ignore inertials; set it to "auto" first')
-    places = _bodies(data, str(path))
+    root = elements(data, str(path))
+    bodies = (pair for pair in root.below() if (pair[0].name, pair[1].name) == ("body", "joint"))
+    places = {tag.attributes.get("name", ""): (body, tag) for body, tag in bodies}
     own = model_of_mjcf(path)
     share, locked = share_of(model), _locked_bodies(robot, own, path)
     changes: list[tuple[int, int, str]] = []
@@ -84,20 +67,18 @@ def edited_mjcf(model: Model, path: Path) -> str:
             raise InputError(
                 f"{path}: no body with a joint '{joint}' stands in this file itself (included files do not count)"
             )
-        body = places[joint]
-        new = _body_inertia(own, joint, body.tag.name, share.links[i], locked.get(joint, ()))
+        body, tag = places[joint]
+        name = body.attributes.get("name", "")
+        new = _body_inertia(own, joint, name, share.links[i], locked.get(joint, ()))
         if not is_physical(new):
             kind = "locked or welded" if joint in locked else "welded"
-            raise InputError(f"{path}: the bodies {kind} to '{body.tag.name}' weigh more than its identified link")
-        changes.append(_inertial(data, body, new))
-        assert body.joint is not None
+            raise InputError(f"{path}: the bodies {kind} to '{name}' weigh more than its identified link")
+        changes.append(_inertial(body, new))
         if joint in robot.joints:
-            changes.append(_joint(data, body.joint, _values(model, joint, share, data)))
-            changes += _gears(
-                data, body.joint, share.gears.get(joint), bool(robot.prismatic[robot.joints.index(joint)])
-            )
+            changes.append(_joint(data, tag, _values(model, joint, share, data)))
+            changes += _gears(data, tag, share.gears.get(joint), bool(robot.prismatic[robot.joints.index(joint)]))
     if model.controller is not None:
-        changes += _positions(model, data)
+        changes += _positions(model, data, root)
     if share.gears and re.search(rb"<key\b[^>]*\bqpos\s*=", data):
         raise InputError(
             f"{path}: its <keyframe> holds one position for each joint, and the gears of the model add joints "
@@ -105,33 +86,23 @@ def edited_mjcf(model: Model, path: Path) -> str:
             "move the <keyframe> out of the file, or take the qpos out of it"
         )
     if lines := tendons(share):
-        last = _last_tag(data)
+        last = _last_tag(data, root)
         changes.append((last, last, "\n".join([*lines, ""])))
     for start, end, text in sorted(changes, reverse=True):
         data = data[:start] + text.encode() + data[end:]
     return data.decode("utf-8")
 
 
-def _positions(model: Model, data: bytes) -> list[tuple[int, int, str]]:
+def _positions(model: Model, data: bytes, root: Element) -> list[tuple[int, int, str]]:
     """Changes that give each joint's ``<position>`` actuator the model's gains; new ones for joints without."""
-    parser, tags, last = expat.ParserCreate(), dict[str, _Tag](), [0]
-
-    def start(kind: str, attributes: dict[str, str]) -> None:
-        if kind == "position" and "joint" in attributes:
-            at = parser.CurrentByteIndex
-            tags[attributes["joint"]] = _Tag(at, end_of_tag(data, at), attributes["joint"])
-
-    def end(_: str) -> None:
-        last[0] = parser.CurrentByteIndex
-
-    parser.StartElementHandler, parser.EndElementHandler = start, end
-    parser.Parse(data, True)
+    tags = {e.attributes["joint"]: e for _, e in root.below() if e.name == "position" and "joint" in e.attributes}
     values = position_attributes(model)
     changes = [_attributes(data, tag, values[joint]) for joint, tag in tags.items() if joint in values]
     new = [line for joint, line in zip(values, actuators(model)[1:-1], strict=True) if joint not in tags]
     if new:
         text = "\n".join(["  <actuator>", *new, "  </actuator>", ""])
-        changes.append((last[0], last[0], text))
+        last = _last_tag(data, root)
+        changes.append((last, last, text))
     return changes
 
 
@@ -146,17 +117,18 @@ def _values(model: Model, joint: str, share: Share, data: bytes) -> dict[str, fl
     return values
 
 
-def _gears(data: bytes, tag: _Tag, train: GearTrain | None, slides: bool) -> list[tuple[int, int, str]]:
+def _gears(data: bytes, tag: Element, train: GearTrain | None, slides: bool) -> list[tuple[int, int, str]]:
     """The joints of gears, as new lines below the joint of their motor, with its place, axis and class."""
     if train is None:
         return []
-    text = data[tag.start : tag.end].decode()
+    start, end = tag.tag
+    text = data[start:end].decode()
     given = dict(re.findall(r"\b(type|pos|axis|class)\s*=\s*[\"']([^\"']*)[\"']", text))
     # Of a class of the file, whatever is not a place is set back.
     none = dict.fromkeys(("armature", "damping", "frictionloss", "stiffness"), "0") if "class" in given else {}
-    indent = re.search(rb"[ \t]*$", data[: tag.start])
+    indent = re.search(rb"[ \t]*$", data[:start])
     lead = "\n" + (indent.group().decode() if indent else "")
-    at = tag.end if text.endswith("/>") else data.index(b"</joint>", tag.end) + len(b"</joint>")
+    at = tag.end
     wanted = [replace(gear, gap=_in_unit(data, gear.gap, slides)) for gear in train.gears]
     return [(at, at, "".join(lead + gear_line(gear, given | none) for gear in wanted))]
 
@@ -167,16 +139,9 @@ def _in_unit(data: bytes, angle: float, slides: bool) -> float:
     return angle if radian or slides else float(np.rad2deg(angle))
 
 
-def _last_tag(data: bytes) -> int:
+def _last_tag(data: bytes, root: Element) -> int:
     """Place of the end tag of the whole file."""
-    parser, last = expat.ParserCreate(), [0]
-
-    def end(_: str) -> None:
-        last[0] = parser.CurrentByteIndex
-
-    parser.EndElementHandler = end
-    parser.Parse(data, True)
-    return last[0]
+    return data.rindex(b"</", 0, root.end)
 
 
 def _locked_bodies(robot: Robot, own: pin.Model, path: Path) -> dict[str, list[Array]]:
@@ -221,7 +186,7 @@ def _body_inertia(own: pin.Model, joint: str, body: str, total: Array, behind: S
     return np.asarray(dynamic_parameters(back @ P @ back.T))
 
 
-def _inertial(data: bytes, body: _Body, theta: Array) -> tuple[int, int, str]:
+def _inertial(body: Element, theta: Array) -> tuple[int, int, str]:
     P = pseudo_inertia(theta)
     centre = P[:3, 3] / P[3, 3]
     P[:3, :3] -= P[3, 3] * np.outer(centre, centre)
@@ -229,48 +194,20 @@ def _inertial(data: bytes, body: _Body, theta: Array) -> tuple[int, int, str]:
     full = " ".join(map(number, (xx, yy, zz, xy, xz, yz)))
     at = " ".join(map(number, centre))
     text = f'<inertial pos="{at}" mass="{number(P[3, 3])}" fullinertia="{full}"/>'
-    if body.inertial is None:
-        return body.tag.end, body.tag.end, text
-    old = data[body.inertial.start : body.inertial.end].decode()
-    return body.inertial.start, body.inertial.end, text if old.endswith("/>") else text.removesuffix("/>") + ">"
+    old = body.child("inertial")
+    if old is None:
+        return body.tag[1], body.tag[1], text
+    return *old.tag, text if old.empty else text.removesuffix("/>") + ">"
 
 
-def _joint(data: bytes, tag: _Tag, values: Mapping[str, float]) -> tuple[int, int, str]:
+def _joint(data: bytes, tag: Element, values: Mapping[str, float]) -> tuple[int, int, str]:
     return _attributes(data, tag, {key: number(x) for key, x in values.items()})
 
 
-def _attributes(data: bytes, tag: _Tag, values: Mapping[str, str]) -> tuple[int, int, str]:
+def _attributes(data: bytes, tag: Element, values: Mapping[str, str]) -> tuple[int, int, str]:
     """The tag with other values of some attributes."""
-    text = data[tag.start : tag.end].decode()
+    text = data[slice(*tag.tag)].decode()
     for key, x in values.items():
         written, count = re.subn(rf"(\b{key}\s*=\s*)([\"'])[^\"']*\2", rf"\g<1>\g<2>{x}\g<2>", text)
         text = written if count else re.sub(r"(\s*/?>)$", f' {key}="{x}"\\1', text)
-    return tag.start, tag.end, text
-
-
-def _bodies(data: bytes, source: str) -> dict[str, _Body]:
-    """Bodies of a file by the name of their joint."""
-    parser = expat.ParserCreate()
-    open_bodies: list[_Body | None] = []
-    found: dict[str, _Body] = {}
-
-    def start(kind: str, attributes: dict[str, str]) -> None:
-        at = parser.CurrentByteIndex
-        tag = _Tag(at, end_of_tag(data, at), attributes.get("name", ""))
-        above = open_bodies[-1] if open_bodies else None
-        if above is not None and kind == "inertial":
-            above.inertial = tag
-        elif above is not None and kind == "joint":
-            above.joint = tag
-            found[tag.name] = above
-        open_bodies.append(_Body(tag) if kind == "body" else None)
-
-    def end(_: str) -> None:
-        open_bodies.pop()
-
-    parser.StartElementHandler, parser.EndElementHandler = start, end
-    try:
-        parser.Parse(data, True)
-    except expat.ExpatError as error:
-        raise InputError(f"{source}: not an XML file: {error}") from None
-    return found
+    return *tag.tag, text

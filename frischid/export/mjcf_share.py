@@ -77,7 +77,7 @@ def forces(model: Model) -> Model:
 
 
 def share_of(model: Model) -> Share:
-    """What the XML has of a model with physical links.
+    """The part of a model with physical links that the XML has.
 
     Raises
     ------

@@ -1,4 +1,4 @@
-"""What a model can be exported to, and which of its effects each format leaves out.
+"""The formats that a model can be exported to, and the effects that each of them leaves out.
 
     C, NumPy: every effect whose class states its columns (all of the catalogue);   URDF: viscous and Coulomb friction
     MJCF: as C, what the XML has no place for in a Python file beside it (`frischid.export.mjcf_effects`)
@@ -29,7 +29,7 @@ REACH_FORMATS = {"c": "code", "mjcf": "MJCF", "urdf": "URDF"}
 
 @dataclass(frozen=True)
 class Reach:
-    """What one format holds of a model.
+    """The part of a model that one format holds.
 
     Attributes
     ----------
@@ -135,7 +135,7 @@ def _filled(model: Model) -> Model:
 
 
 def reach_of(model: Model) -> tuple[Reach, ...]:
-    """What each format holds of a model: C and NumPy (one entry, ``code``), MJCF, URDF.
+    """The part of a model that each format holds: C and NumPy (one entry, ``code``), MJCF, URDF.
 
     Examples
     --------

@@ -12,6 +12,7 @@ from pathlib import Path
 
 import plotly.graph_objects as go
 
+from frischid.core.text import counted
 from frischid.figures.style import BLUE, GREEN, Drawing, drawing
 from frischid.model.events import cross_validated_nrmse, measured_on, measured_within, selection_errors, test_errors
 from frischid.model.headline import Headline, cross_validated, headline_of
@@ -81,16 +82,7 @@ def staircase(model: Model, error: Headline) -> Drawing:
     own = cross_validated(last_event) if measured_within(last_event, model.joints) else None
     floor = (error if tested else own or error).noise_floor
     crowded = len(steps) > CROWD
-    x: list[float | None] = []
-    y: list[float | None] = []
-    for i, (_, before, after) in enumerate(steps):
-        if i > 0 and before is not None:
-            joined = abs(before - steps[i - 1][2]) < 1e-9
-            # Measured on other data than the step before: the line is broken here.
-            x += [i - 0.5] if joined else [None, i - 0.5]
-            y += [before] if joined else [None, before]
-        x += [i - 0.5, i + 0.5]
-        y += [after, after]
+    x, y = _stairs(steps)
     figure = go.Figure()
     figure.add_scatter(
         x=x, y=y, mode="lines", line={"color": BLUE, "width": 3},
@@ -120,18 +112,29 @@ def staircase(model: Model, error: Headline) -> Drawing:
     figure.update_yaxes(title_text="NRMSE", range=[0, (1.5 if crowded else 1.3) * top], showgrid=False)
     if len(steps) > 1:
         first, last = steps[0][2], steps[-1][2]
-        added = len(steps) - 1
         reading = (
-            f"{added} effect{'s' * (added > 1)} added: {first:.4f} → {last:.4f} ({where}), {last / floor:.1f} × the "
-            "noise floor."
+            f"{counted(len(steps) - 1, 'effect')} added: {first:.4f} → {last:.4f} ({where}), {last / floor:.1f} × the "
+            f"noise floor.{' Where the line is broken, the step before was measured on other data.' * (None in x)}"
         )
-        if None in x:
-            reading += " Where the line is broken, the step before was measured on other data."
     else:
-        reading = "No effect has been added to this model yet."
-        if steps:
-            reading += f" Its error is {where}."
+        reading = f"No effect has been added to this model yet.{f' Its error is {where}.' * bool(steps)}"
     return drawing("Error after each step (NRMSE)", reading, figure, 330 if crowded else 230)
+
+
+def _stairs(
+    steps: Sequence[tuple[str, float | None, float]],
+) -> tuple[list[float | None], list[float | None]]:
+    """Corners of the line; broken, by None, where a step was measured on other data than the step before."""
+    x: list[float | None] = []
+    y: list[float | None] = []
+    for i, (_, before, after) in enumerate(steps):
+        if i > 0 and before is not None:
+            joined = abs(before - steps[i - 1][2]) < 1e-9
+            x += [i - 0.5] if joined else [None, i - 0.5]
+            y += [before] if joined else [None, before]
+        x += [i - 0.5, i + 0.5]
+        y += [after, after]
+    return x, y
 
 
 def _wrapped(name: str) -> str:

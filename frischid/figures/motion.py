@@ -19,14 +19,15 @@ if TYPE_CHECKING:
     from frischid.motions.plan import Plan
     from frischid.robot.robot import Robot
 
+DRAWN_RATE = 50.0  # samples per second of a drawn motion
 POSES = 240
 """Largest number of poses in the animation: 0.1 s apart in 24 s, and half a megabyte for a robot of seven joints."""
 TALL = 680  # pixels of the animation
 
 
-def excitation(plan: Plan, rate: float = 50.0) -> go.Figure:
+def excitation(plan: Plan) -> go.Figure:
     """Position, velocity and acceleration of a planned motion, and the cost over the course of the search."""
-    log = plan.to_log(rate)
+    log = plan.to_log(DRAWN_RATE)
     figure = make_subplots(
         rows=4,
         cols=1,
@@ -67,7 +68,7 @@ def excitation(plan: Plan, rate: float = 50.0) -> go.Figure:
     return figure
 
 
-def animated(plan: Plan, robot: Robot, rate: float = 50.0) -> go.Figure:
+def animated(plan: Plan, robot: Robot) -> go.Figure:
     """The robot along a planned motion, with a button that plays it and a slider over the time.
 
     Parameters
@@ -75,10 +76,8 @@ def animated(plan: Plan, robot: Robot, rate: float = 50.0) -> go.Figure:
     plan : Plan
     robot : Robot
         The robot of the plan.
-    rate : float
-        Samples per second, of which at most `POSES` are drawn.
     """
-    log = plan.to_log(rate)
+    log = plan.to_log(DRAWN_RATE)
     step = max(1, -(-len(log.t) // POSES))
     poses = [links_of(robot, q) for q in log.q[::step]]
     times, place = log.t[::step] - log.t[0], np.concatenate(poses)
@@ -86,7 +85,7 @@ def animated(plan: Plan, robot: Robot, rate: float = 50.0) -> go.Figure:
     half = 0.55 * float(np.nanmax(np.nanmax(place, axis=0) - np.nanmin(place, axis=0)))
     figure = go.Figure(_robot(poses[0]))
     figure.frames = [go.Frame(data=[_robot(pose)], name=f"{t:.2f}") for t, pose in zip(times, poses, strict=True)]
-    pace = {"frame": {"duration": 1000 * step / rate, "redraw": True}, "transition": {"duration": 0}}
+    pace = {"frame": {"duration": 1000 * step / DRAWN_RATE, "redraw": True}, "transition": {"duration": 0}}
     still = {"frame": {"duration": 0, "redraw": True}, "mode": "immediate", "transition": {"duration": 0}}
     buttons = [
         {"label": "Play", "method": "animate", "args": [None, {**pace, "fromcurrent": True}]},

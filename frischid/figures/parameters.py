@@ -20,6 +20,7 @@ from frischid.model.model import Model
 BOUND_TITLES = {"frisch": "Classical Frisch", "bbrf": "BBRF", "sensorwise": "Sensor-wise Frisch"}
 LOOKS = {"frisch": ("#a6d5f5", 11.0), "bbrf": (COLOURS[4], 7.0), "sensorwise": (PURPLE, 5.0)}
 """Bars of the methods, widest and lightest first, so that narrower ones lie on top and all differ in grey too."""
+CLOSING_DRAWN = 6  # parameters whose bounds are drawn over the windows
 FURTHEST = 6.0  # decades of standard errors that are drawn
 NEAR = {"1": 1.0, "2": 2.0, "5": 5.0, "10": 10.0}
 FAR = {"10": 1e1, "100": 1e2, "10⁴": 1e4, "10⁶": 1e6}
@@ -113,7 +114,7 @@ def _widths(model: Model, unit: Array) -> str:
     )
 
 
-def closing(model: Model, most: int = 6) -> list[Drawing]:
+def closing(model: Model) -> list[Drawing]:
     """BBRF's bounds over the windows, for the parameters whose bounds shrink most (the paper's Figure 3)."""
     record = recursion_of(model)
     if record is None:
@@ -124,7 +125,7 @@ def closing(model: Model, most: int = 6) -> list[Drawing]:
     with np.errstate(invalid="ignore"):
         first = np.array([_first_finite(w) for w in (upper - lower).T])
         ratio = np.where(first > 0, (upper - lower)[-1] / first, np.inf)
-    chosen = [int(i) for i in np.argsort(ratio, kind="stable")[:most] if np.isfinite(ratio[i])]
+    chosen = [int(i) for i in np.argsort(ratio, kind="stable")[:CLOSING_DRAWN] if np.isfinite(ratio[i])]
     values = dict(zip((c.name for c in model.estimate.columns), model.estimate.theta, strict=True))
     drawings = []
     for i in chosen:

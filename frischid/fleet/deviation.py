@@ -36,6 +36,7 @@ from frischid.regression.moment_blocks import total
 from frischid.regression.moments import Gram
 
 EXCITED = 1e-8  # eigenvalue of the column-scaled moments over the largest, below which a direction was not excited
+CHANGES_NAMED = 4  # changes of one robot at most
 LEAST_ROBOTS = 12  # fewest robots for an empirical null
 
 
@@ -79,24 +80,24 @@ class Deviation:
 
 @dataclass(frozen=True, eq=False)
 class Centre:
-    """What the robots of a fleet are compared with: parameters fitted to all of them.
+    """The centre that the robots of a fleet are compared with: parameters fitted to all of them.
 
     Attributes
     ----------
     weights : ndarray, shape (J,)
         Weights of the joints.
-    belief : Prior or None
+    prior : Prior or None
         A prior of the parameters, which acts like one further log; None: the logs alone.
     theta : ndarray, shape (p,)
         Least squares of the whole fleet with both.
     """
 
     weights: Array
-    belief: Prior | None
+    prior: Prior | None
     theta: Array
 
     @classmethod
-    def of(cls, whole: Gram, weights: Array, belief: Prior | None = None) -> Centre:
+    def of(cls, whole: Gram, weights: Array, prior: Prior | None = None) -> Centre:
         """Fit to the sum of all robots' moments.
 
         Raises
@@ -104,12 +105,12 @@ class Centre:
         IdentifiabilityError
             The logs, and the prior, do not determine the parameters.
         """
-        return cls(weights, belief, _fitted(whole, weights, belief).theta)
+        return cls(weights, prior, _fitted(whole, weights, prior).theta)
 
 
-def _fitted(whole: Gram, weights: Array, belief: Prior | None) -> NormalEquations:
+def _fitted(whole: Gram, weights: Array, prior: Prior | None) -> NormalEquations:
     moments = whole.weighted(weights)
-    return NormalEquations(moments if belief is None else moments + belief.moments, whole.names)
+    return NormalEquations(moments if prior is None else moments + prior.moments, whole.names)
 
 
 def deviation(blocks: Sequence[Gram], fleet: Gram, centre: Centre, included: bool) -> Deviation:
@@ -126,15 +127,15 @@ def deviation(blocks: Sequence[Gram], fleet: Gram, centre: Centre, included: boo
     included : bool
         Whether the robot is part of the fleet's sum.
     """
-    whole, belief = total(blocks), centre.belief
+    whole, prior = total(blocks), centre.prior
     others = fleet - whole if included else fleet
-    theta0 = _fitted(others, centre.weights, belief).theta if included else centre.theta
-    own, reason = _own(blocks, belief)
+    theta0 = _fitted(others, centre.weights, prior).theta if included else centre.theta
+    own, reason = _own(blocks, prior)
     spread = np.sqrt(np.maximum(whole.torque_ss() / np.maximum(whole.counts, 1), 1e-300))
     shift, statistic, rank = _shift(whole, others, theta0, centre)
     inflation = np.nan
     if own is not None:
-        plain = _fitted(whole, 1.0 / own.sigma**2, belief).inverse
+        plain = _fitted(whole, 1.0 / own.sigma**2, prior).inverse
         inflation = float(np.median(np.diag(own.covariance) / np.diag(plain)))
     return Deviation(
         own,
@@ -149,9 +150,9 @@ def deviation(blocks: Sequence[Gram], fleet: Gram, centre: Centre, included: boo
     )
 
 
-def _own(blocks: Sequence[Gram], belief: Prior | None) -> tuple[Estimate | None, str]:
+def _own(blocks: Sequence[Gram], prior: Prior | None) -> tuple[Estimate | None, str]:
     try:
-        return wls(blocks, prior=belief), ""
+        return wls(blocks, prior=prior), ""
     except IdentifiabilityError as error:
         return None, str(error)
 
@@ -172,7 +173,7 @@ def usual_deviation(robots: Sequence[Gram], centre: Centre) -> float:
     for one in robots:
         others = whole - one
         try:
-            theta0 = _fitted(others, centre.weights, centre.belief).theta
+            theta0 = _fitted(others, centre.weights, centre.prior).theta
         except IdentifiabilityError:  # the others' logs leave a parameter open
             continue
         _, statistic, rank = _shift(one, others, theta0, centre)
@@ -183,8 +184,8 @@ def usual_deviation(robots: Sequence[Gram], centre: Centre) -> float:
 def _shift(whole: Gram, others: Gram, theta0: Array, centre: Centre) -> tuple[Array, float, int]:
     """δ = H⁺s, Λ and the rank of H, on columns scaled to unit norm."""
     moments, known = whole.weighted(centre.weights), others.weighted(centre.weights)[:-1, :-1]
-    if centre.belief is not None:
-        known = known + centre.belief.precision
+    if centre.prior is not None:
+        known = known + centre.prior.precision
     scale = np.sqrt(np.diag(moments)[:-1])
     scale = 1.0 / np.where(scale > 0, scale, np.inf)
     H = moments[:-1, :-1] * np.outer(scale, scale)
@@ -271,7 +272,7 @@ class Change:
     error_after: float
 
 
-def changes(whole: Gram, theta0: Array, weights: Array, inflation: float, most: int = 4) -> list[Change]:
+def changes(whole: Gram, theta0: Array, inflation: float) -> list[Change]:
     """Effects whose parameters changed, the one with the largest gain in likelihood first.
 
     A group is the parameters of one effect on one joint. The rigid links form no group: their parameters change
@@ -287,7 +288,7 @@ def changes(whole: Gram, theta0: Array, weights: Array, inflation: float, most: 
     found: list[Change] = []
     chosen: list[int] = []
     theta = theta0
-    while len(found) < most and groups:
+    while len(found) < CHANGES_NAMED and groups:
         before = np.maximum(whole.residual_ss(theta), 1e-300)
         scored = []
         for key, columns in groups.items():

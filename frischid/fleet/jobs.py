@@ -270,7 +270,7 @@ def explain(
     one, diagnosed = question
     fleet = Model.from_dict(model)
     whole = total(one.blocks)
-    changed = changes(whole, fleet.estimate.theta, fleet.estimate.weights, how.inflation)
+    changed = changes(whole, fleet.estimate.theta, how.inflation)
     if not diagnosed:
         return changed, None, ""
     try:

@@ -49,17 +49,17 @@ class SharedFit:
     mapping: Array
 
     @cached_property
-    def belief(self) -> Prior | None:
+    def prior(self) -> Prior | None:
         """The URDF's prior of the base parameters, at the scales that the fleet gives its links."""
         if self.posterior is None:
             return None
-        prior = self.posterior.prior
-        return gaussian(self.mapping @ prior.mean, self.mapping * prior.total_spread)
+        urdf = self.posterior.prior
+        return gaussian(self.mapping @ urdf.mean, self.mapping * urdf.total_spread)
 
     @cached_property
     def centre(self) -> Centre:
-        """What robots are compared with: least squares under `belief`, without the bounds of signs."""
-        return Centre.of(self.whole, self.estimate.weights, self.belief)
+        """The centre that robots are compared with: least squares with the `prior`, without the bounds of signs."""
+        return Centre.of(self.whole, self.estimate.weights, self.prior)
 
 
 def shared_fit(parts: Sequence[Gram], regressor: Regressor, reduction: Reduction, prior: str) -> SharedFit:
@@ -99,7 +99,7 @@ def with_spread(fit: SharedFit, inside: Sequence[Deviation], null: Null) -> Esti
     plain = fit.whole.weighted(1.0 / estimate.sigma**2)[:-1, :-1]
     # Robots vary by (κ − κ_within) times the uncertainty of one robot's own data: the prior for any single robot.
     information = plain / (null.scale + R * max(0.0, null.scale - null.within))
-    if fit.belief is not None:
-        information = information + fit.belief.precision
+    if fit.prior is not None:
+        information = information + fit.prior.precision
     notes = () if enough else ("too few robots: standard errors take residuals as uncorrelated",)
     return replace(estimate, covariance=covariance, information=information, notes=notes)

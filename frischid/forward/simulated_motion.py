@@ -164,7 +164,7 @@ def delay_of(source: TorqueSource) -> float:
 
 @dataclass(eq=False)
 class Given:
-    """What was given in the steps of a simulation so far, as far as later steps need it; the steps may differ.
+    """Values given in the steps of a simulation so far, as far as later steps need them; the steps may differ.
 
     Attributes
     ----------
@@ -181,7 +181,7 @@ class Given:
     values: list[Array] = field(default_factory=list)
 
     def held_back(self, now: Array, h: float, by: float) -> Array:
-        """What was given `by` seconds before the middle of a step of length `h`, which is given `now`.
+        """The value given `by` seconds before the middle of a step of length `h`, which is given `now`.
 
         Between two steps the value lies on the line through both; before the first step it is the first one.
         """

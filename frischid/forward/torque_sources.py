@@ -196,5 +196,5 @@ class TorqueFunction:
     delay: float = 0.0
 
     def torque(self, t: Array, q: Array, v: Array) -> Array:
-        """What the function returns."""
+        """The torque that the function returns."""
         return self.function(t, q, v)

@@ -1,4 +1,4 @@
-"""What columns say about each other: velocities are slopes of positions, torques follow the URDF's.
+"""Columns that follow from each other: velocities are slopes of positions, torques follow the URDF's.
 
     v ≈ dq/dt        τ_j ≈ s τ_nominal,j(q, q̇, q̈) + friction_j(q̇) + Ia_j q̈_j + offset_j
 

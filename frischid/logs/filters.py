@@ -80,7 +80,7 @@ class LowPass:
 
     @property
     def lag_in_words(self) -> str:
-        """What becomes of a torque that was recorded late or early; empty where it is taken as recorded."""
+        """The treatment of a torque that was recorded late or early, in words; empty where it is taken as recorded."""
         if not self.torque_lag:
             return ""
         way = "late" if self.torque_lag > 0 else "early"

@@ -23,7 +23,7 @@ if TYPE_CHECKING:
     from narwhals.typing import IntoDataFrame
 
 Logs: TypeAlias = "IntoDataFrame | Sequence[Log | Recording | IntoDataFrame]"
-"""What stands for the logs of a function: a list of logs, recordings and data frames, or one data frame."""
+"""The logs that a function takes: a list of logs, recordings and data frames, or one data frame."""
 _NUMBERED = Remembered[Log]()  # what is remembered of a log holds for its numbered copy in the next call too
 
 

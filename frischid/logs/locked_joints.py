@@ -81,7 +81,7 @@ def moving_but_locked(moving: Mapping[str, float], absent: Mapping[str, str] | N
 
 
 def remedy(moving: Iterable[str], absent: Mapping[str, str]) -> str:
-    """What to do about locked joints that move; `absent` names a log for each joint that a log does not hold."""
+    """The remedy for locked joints that move; `absent` names a log for each joint that a log does not hold."""
     names = list(moving)
     advice = [LET_MOVE] if any(name not in absent for name in names) else []
     for source in dict.fromkeys(absent[name] for name in names if name in absent):

@@ -211,7 +211,7 @@ class LogMap:
 
 
 MappingLike = LogMap | Mapping[str, Any] | str | Path | Sequence[str | Path] | None
-"""What `LogMap.of` takes."""
+"""An argument of `LogMap.of`."""
 
 
 def _with_shared(content: Mapping[str, Any], part: Any) -> dict[str, Any]:

@@ -40,28 +40,26 @@ def corrected(form: LogMap, fixes: Sequence[tuple[str, str, Any]], log: Log) -> 
     for name, key, value in fixes:
         if not name:
             form = replace(form, **{key: value})
-            continue
-        entry = joint.get(name, JointMap())
-        if key in CHANNELS:
-            if key not in channels:
-                continue
+        elif key in channels:
             source = "current" if key == "tau" and name in currents else key
-            other = form.joint.get(value, JointMap())
-            column = getattr(other, source)
+            column = getattr(form.joint.get(value, JointMap()), source)
             named: Any = form.default[source].replace("{joint}", value) if column is None else column
-            entry = replace(entry, **{source: named})
-        elif key == "offset":
-            entry = replace(entry, offset=entry.offset + value)
-        elif key == "angle_unit":
-            # "m" says that another unit of the file is not this joint's: what the joint has of its own, it keeps
-            entry = replace(entry, angle_unit=value if value != "m" else entry.angle_unit or value)
-        else:
+            joint[name] = replace(joint.get(name, JointMap()), **{source: named})
+        elif key not in CHANNELS:
             key = "current_factor" if key == "torque_factor" and name in currents else key
-            entry = replace(entry, **{key: getattr(entry, key) * value})
-            if key == "sign":
-                entry = replace(entry, offset=-entry.offset)
-        joint[name] = entry
+            joint[name] = _changed(joint.get(name, JointMap()), key, value)
     return replace(form, joint=joint, file=None)
+
+
+def _changed(entry: JointMap, key: str, value: Any) -> JointMap:
+    """The entry of a joint with an offset, a unit of angle, a sign or a factor changed."""
+    if key == "offset":
+        return replace(entry, offset=entry.offset + value)
+    if key == "angle_unit":
+        # "m" says that another unit of the file is not this joint's: what the joint has of its own, it keeps
+        return replace(entry, angle_unit=value if value != "m" else entry.angle_unit or value)
+    entry = replace(entry, **{key: getattr(entry, key) * value})
+    return replace(entry, offset=-entry.offset) if key == "sign" else entry
 
 
 def _of_currents(log: Log, form: LogMap) -> set[str]:

@@ -21,7 +21,7 @@ TABLES = ("file", "default", "joint", "current_gain", "layout")
 
 
 class Rule(NamedTuple):
-    """What the value of one key may be.
+    """The values that one key may have.
 
     Attributes
     ----------

@@ -43,7 +43,7 @@ GAP_STEPS = 5.0
 
 
 class Poses(NamedTuple):
-    """What P poses of a log show.
+    """Figures of the P poses of a log.
 
     Attributes
     ----------

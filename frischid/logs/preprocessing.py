@@ -20,7 +20,7 @@ Source: M. Gautier, "Dynamic identification of robots with power model", ICRA 19
 
 from __future__ import annotations
 
-from collections.abc import Mapping
+from collections.abc import Iterator, Mapping
 from dataclasses import dataclass, field, replace
 from itertools import pairwise
 
@@ -164,28 +164,9 @@ def prepare(
         return _at_rest(log, wraps)
     stamped, log = log, retimed(log)
     median = float(np.median(np.diff(log.t)))
-    longest = largest_gap(median, lowpass)
     begins = breaks_of(log, lowpass)
     bounds = [*begins.tolist(), len(log.t)]
-    notes = wraps
-    if gaps := len(begins) - 1:
-        widest = float(np.diff(log.t).max())
-        notes.append(
-            f"{log.source}: split at {gaps} gap{'s' * (gaps > 1)} in the time stamps, the longest {widest:.3g} s"
-        )
-    if log is not stamped:
-        off = 1e3 * float(np.std(stamped.t - log.t))
-        notes.append(
-            f"{log.source}: stamps jitter by {off:.3g} ms, and the positions do not: the samples were taken at a "
-            f"regular {median * 1e3:.4g} ms, and these times are used"
-        )
-    steps = np.diff(log.t)
-    steps = steps[steps <= longest]  # longer ones are gaps, across which nothing is interpolated
-    if (np.abs(steps - median) > 1e-3 * median).any():
-        notes.append(
-            f"{log.source}: steps between {steps.min() * 1e3:.3g} and {steps.max() * 1e3:.3g} ms, put on a uniform "
-            f"{median * 1e3:.3g} ms grid by cubic splines through the samples at their time stamps"
-        )
+    notes = [*wraps, *_notes_on_times(log, stamped, len(begins) - 1, largest_gap(median, lowpass))]
     lost = sum(ends_of(median, lowpass)) + len(lowpass.taps(median)) - 1
     least = lost + SPARE_SAMPLES
     motions, dropped = [], {"here": 0, "at end": 0}
@@ -208,6 +189,35 @@ def prepare(
     return Prepared(tuple(motions), tuple(notes), said.get("at end", ""))
 
 
+def _notes_on_times(log: Log, stamped: Log, gaps: int, longest: float) -> Iterator[str]:
+    """Say what is done to the times of a log.
+
+    Parameters
+    ----------
+    log, stamped : Log
+        With the times that are used, and with the stamps.
+    gaps : int
+    longest : float
+        Steps that are longer, s, are gaps.
+    """
+    steps = np.diff(log.t)
+    median = float(np.median(steps))
+    if gaps:
+        yield f"{log.source}: split at {counted(gaps, 'gap')} in the time stamps, the longest {steps.max():.3g} s"
+    if log is not stamped:
+        off = 1e3 * float(np.std(stamped.t - log.t))
+        yield (
+            f"{log.source}: stamps jitter by {off:.3g} ms, and the positions do not: the samples were taken at a "
+            f"regular {median * 1e3:.4g} ms, and these times are used"
+        )
+    steps = steps[steps <= longest]  # nothing is interpolated across a gap
+    if (np.abs(steps - median) > 1e-3 * median).any():
+        yield (
+            f"{log.source}: steps between {steps.min() * 1e3:.3g} and {steps.max() * 1e3:.3g} ms, put on a uniform "
+            f"{median * 1e3:.3g} ms grid by cubic splines through the samples at their time stamps"
+        )
+
+
 def _dropped(log: Log, samples: int, least: int) -> str:
     """Note on samples in stretches that are too short."""
     return f"{log.source}: {counted(samples, 'sample')} dropped in stretches shorter than the filters ({least} samples)"
@@ -221,7 +231,7 @@ def ends_of(step: float, lowpass: LowPass) -> tuple[int, int]:
 
 
 def _at_rest(log: Log, notes: list[str]) -> Prepared:
-    """The poses of a static log as samples at rest."""
+    """The poses of a static log as samples at standstill."""
     poses = poses_of(log)
     rest = np.zeros_like(poses.q)
     extra = {name: np.array([x[part].mean() for part in poses.parts]) for name, x in log.extra.items()}

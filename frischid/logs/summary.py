@@ -212,7 +212,7 @@ def check_usable(robot: Robot, log: Log, rows: Sequence[str], *, strict: bool, w
 
 
 def _without_torque(log: Log, joints: Sequence[str]) -> str:
-    """What to do with joints whose torque is not in the log; those at standstill need not be joints of the model."""
+    """The remedy for joints whose torque is not in the log; those at standstill need not be joints of the model."""
     still = [n for n in joints if np.ptp(log.q[:, log.joints.index(n)]) < STANDSTILL_SPAN]
     lock = f"lock {listed(still)}, without motion in this log (--lock, lock=), or " if still else ""
     return f"{lock}leave the torque out (--torque-joints, torque_joints=) or record it"

@@ -52,7 +52,7 @@ OTHER_FORMATS = {
     ".dat": "if the file is a table of text, rename it to .csv",
     ".asc": "if the file is a table of text, rename it to .csv",
 }
-"""What turns files of other formats into one that can be read."""
+"""The commands that turn files of other formats into one that can be read."""
 
 
 def joined(tables: Sequence[Table]) -> Table:
@@ -257,27 +257,34 @@ def _from_arrow(arrow: Any, path: Path, place: Place = row_place, layout: Layout
     for name, column in zip(arrow.column_names, arrow.columns, strict=True):
         if name in numeric or name in unusable:
             raise InputError(f"{path}: two columns are called '{name}'; rename one")
-        kind = column.type
-        if pa.types.is_null(kind) or pa.types.is_boolean(kind):
-            column = column.cast(pa.float64() if pa.types.is_null(kind) else pa.int8())
-        if pa.types.is_integer(column.type) or pa.types.is_floating(column.type):
-            numeric[name] = column.to_numpy()
-        elif pa.types.is_timestamp(kind) and not column.null_count:
-            numeric[name] = column.cast(pa.timestamp("ns", kind.tz)).cast(pa.int64()).to_numpy()
-            notes.append(f"{name}: dates as nanoseconds since 1970")
-        elif pa.types.is_string(kind) or pa.types.is_large_string(kind):
-            cells = enumerate(column.to_pylist())
-            wrong = ((k, cell) for k, cell in cells if cell is not None and not is_number(cell, comma=comma))
-            row, cell = next(wrong, (0, column[0].as_py()))
-            if row == 0 and (stamps := clock_of(column.to_pylist())) is not None:
-                numeric[name] = stamps
-                notes.append(f"{name}: times as nanoseconds since the first")
-                continue
-            unusable[name] = f"{place(row)} holds {cell!r}"
+        values, said = _numbers_of(column, place, comma)
+        if values is None:
+            unusable[name] = said
         else:
-            unusable[name] = f"its values are of type {kind}"
+            numeric[name] = values
+            notes += [f"{name}: {said}"] if said else []
     named = layout is None or layout.named
     return Table(str(path), tuple(arrow.column_names), numeric, unusable, place, named, tuple(notes))
+
+
+def _numbers_of(column: Any, place: Place, comma: bool) -> tuple[NDArray[Any] | None, str]:
+    """Numbers of a column, and a note on how they were made; None and the reason where there are none."""
+    kind = column.type
+    if pa.types.is_null(kind) or pa.types.is_boolean(kind):
+        return column.cast(pa.float64() if pa.types.is_null(kind) else pa.int8()).to_numpy(), ""
+    if pa.types.is_integer(kind) or pa.types.is_floating(kind):
+        return column.to_numpy(), ""
+    if pa.types.is_timestamp(kind) and not column.null_count:
+        values = column.cast(pa.timestamp("ns", kind.tz)).cast(pa.int64()).to_numpy()
+        return values, "dates as nanoseconds since 1970"
+    if not (pa.types.is_string(kind) or pa.types.is_large_string(kind)):
+        return None, f"its values are of type {kind}"
+    cells = column.to_pylist()
+    wrong = ((k, x) for k, x in enumerate(cells) if x is not None and not is_number(x, comma=comma))
+    row, cell = next(wrong, (0, cells[0]))
+    if row == 0 and (stamps := clock_of(cells)) is not None:
+        return stamps, "times as nanoseconds since the first"
+    return None, f"{place(row)} holds {cell!r}"
 
 
 def _repeated_headers(arrow: Any) -> NDArray[np.bool_]:

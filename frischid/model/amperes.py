@@ -26,7 +26,7 @@ _HELD_POSES = 500
 
 @dataclass(frozen=True)
 class JointCurrents:
-    """What one joint draws, A; a pair is a value and its standard error, or None where the logs do not show it.
+    """Currents of one joint, A; a pair is a value and its standard error, or None where the logs do not show it.
 
     Attributes
     ----------
@@ -53,7 +53,7 @@ class JointCurrents:
 
 
 def in_amperes(model: Model, motions: Iterable[Motion]) -> tuple[JointCurrents, ...]:
-    """What each joint of a model draws whose torque came from a current.
+    """Currents of each joint of a model whose torque came from a current.
 
     Parameters
     ----------

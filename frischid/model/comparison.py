@@ -28,16 +28,15 @@ from frischid.logs.summary import Data
 from frischid.model.alarms import Alarm, AlarmCriteria, by_severity
 from frischid.model.comparison_alarms import UNLIKE, Elsewhere, elsewhere, is_worse
 from frischid.model.comparison_criteria import COMPARISON_CRITERIA
-from frischid.model.error_sums import ErrorSums
 from frischid.model.events import cross_validated_nrmse
 from frischid.model.expected_error import ExpectedError
-from frischid.model.joint_fit import JointFit
-from frischid.model.kept_blocks import SAMPLES_KEPT, KeptBlocks
+from frischid.model.joint_fit import ErrorSums, JointFit
 from frischid.model.log_faults import faulty_new_logs
 from frischid.model.model import Model
 from frischid.model.model_argument import check_model
 from frischid.model.noise_floor import NoiseFloor
 from frischid.model.residual_conditions import Residuals
+from frischid.model.sampled_blocks import SAMPLES_KEPT, SampledBlocks
 from frischid.model.standstill_joints import STANDSTILL_LOG, rows_of
 from frischid.regression.block import Block
 from frischid.regression.regressor import nominal_parameters
@@ -241,7 +240,7 @@ class ModelErrors:
     def __init__(self, model: Model, residuals_kept: int = SAMPLES_KEPT) -> None:
         count = len(model.joints)
         self._model, self._urdf = model, urdf_parameters(model)
-        self._moving, self._everything, self._kept = ErrorSums(count), ErrorSums(count), KeptBlocks(residuals_kept)
+        self._moving, self._everything, self._kept = ErrorSums(count), ErrorSums(count), SampledBlocks(residuals_kept)
         self.noise, self.expected = NoiseFloor(model), ExpectedError(model)
 
     def add(self, block: Block, fitted: Array) -> None:

@@ -1,4 +1,4 @@
-"""What a model knows of each joint's drive: gains, delay, armature and friction, with the range of each.
+"""The drive of each joint by a model: gains, delay, armature and friction, with the range of each.
 
     τ = kp (q_cmd(t − delay) − q) − kd q̇ − fv q̇ − fc sign(q̇),     inertia about the joint = links + armature
 
@@ -129,21 +129,27 @@ def drive_parameters(model: Model) -> tuple[DriveParameter, ...]:
         found += [*_of_currents(model, joint), *_of_controller(model, joint, values)]
         doubt, start = _gain(model, joint)[2], len(found)
         for quantity, (effect, symbol) in {"damping": OPEN_DAMPING, **DRIVE_EFFECTS}.items():
-            for column, value, spread, share in values:
-                if (column.joint, column.effect) != (joint, effect) or column.name.rstrip("0123456789") != symbol:
-                    continue
-                if quantity == "armature":
-                    spread = float(np.hypot(spread, doubt * links[joint]))
-                seen = value > REACH * spread and share >= LEAST_FROM_LOGS
-                of = "" if seen else _sum_with(model, column.name)
-                lower, upper = range_of_ratio(value, spread, doubt)
-                known: Known = _found(value, lower, upper) if seen else "in a sum" if of else "open"
-                if seen and doubt > 0:
-                    known, of = "as a ratio", _ratio(model, joint, quantity, value, spread)
-                found.append(DriveParameter(joint, quantity, column.unit, max(0.0, value), lower, upper, known, of))
+            wider = doubt * links[joint] if quantity == "armature" else 0.0
+            found += [
+                _of_column(model, quantity, (column, value, float(np.hypot(spread, wider)), share), doubt)
+                for column, value, spread, share in values
+                if (column.joint, column.effect) == (joint, effect) and column.name.rstrip("0123456789") == symbol
+            ]
         if (whole := damping_sum(model, joint)) is not None:
             found[start:] = _in_damping_sum(model, joint, whole, found[start:])
     return tuple(found)
+
+
+def _of_column(model: Model, quantity: str, row: _Value, doubt: float) -> DriveParameter:
+    """Row of a column: its value, standard error and share from the logs; `doubt` is that of the drive's gain."""
+    column, value, spread, share = row
+    seen = value > REACH * spread and share >= LEAST_FROM_LOGS
+    of = "" if seen else _sum_with(model, column.name)
+    lower, upper = range_of_ratio(value, spread, doubt)
+    known: Known = _found(value, lower, upper) if seen else "in a sum" if of else "open"
+    if seen and doubt > 0:
+        known, of = "as a ratio", _ratio(model, column.joint, quantity, value, spread)
+    return DriveParameter(column.joint, quantity, column.unit, max(0.0, value), lower, upper, known, of)
 
 
 def _in_damping_sum(model: Model, joint: str, whole: DampingSum, rows: list[DriveParameter]) -> list[DriveParameter]:

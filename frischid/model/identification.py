@@ -240,31 +240,23 @@ def _bounded(
 
 def assess(found: Measured, speeds: SpeedRange | None = None) -> Identification:
     """Stage 6: the model, its error on stretches and logs that were left out, and its history."""
-    bounds, model, there, lag = found.bounds, found.model, found.there, found.lag
-    fit, problem, data = bounds.fit, bounds.fit.problem, bounds.fit.problem.data
-    journal, variance = data.journal, found.variance
+    bounds, model, there = found.bounds, found.model, found.there
+    problem, data = bounds.fit.problem, bounds.fit.problem.data
     still = () if there is None else there.not_compared
     pairs = zip(data.joints, _nrmse(found), strict=True)
     cross_validation = {name: x for name, x in pairs if name not in still}
-    before = fit_alarms(fit, model, still, cross_validation, there)
+    before = fit_alarms(bounds.fit, model, still, cross_validation, there)
     speeds = None if any(alarm.id == LEFT_OPEN for alarm in before) else speeds
-    own = None if there is None else from_fit(there, dict(zip(data.joints, np.sqrt(variance), strict=True)), before)
+    rms = dict(zip(data.joints, np.sqrt(found.variance), strict=True))
+    own = None if there is None else from_fit(there, rms, before)
     event = _event(data, problem.effects, cross_validation, own)
     comparison = compare(replace(model, history=(event,)), data.valid) if data.valid else None
     headline = own if comparison is None else Headline.of(comparison, "test", before)
-    limit = data.options.criteria.unexplained_nrmse
-    at_rest = there is not None and there.poses == there.samples
-    journal.notes += [held_at_poses(there)] if there is not None and at_rest else []
-    bad = [] if at_rest else [n for n, x in cross_validation.items() if x > limit]
-    doubts = unpredicted(bad, limit, journal.explained)
-    journal.notes += described(lag)
-    late = [] if lag is None or not lag.warning else [lag.warning]
-    warnings = tuple(dict.fromkeys([*doubts, *late, *journal.warnings]))
-    notes = tuple(dict.fromkeys(journal.notes))
+    bad, notes, warnings = _remarks(found, cross_validation)
     if comparison is not None and headline is not None:
         event |= {"test": headline.to_dict(), "test_logs": [log_entry(log) for log in data.valid]}
     event |= {"notes": list(notes), "warnings": list(warnings)} | ({"unpredicted": bad} if bad else {})
-    event |= {} if lag is None else {"torque_lag": lag.to_dict()}
+    event |= {} if found.lag is None else {"torque_lag": found.lag.to_dict()}
     event |= {} if speeds is None else {"speed_range": speeds._asdict()}
     if model.prior is not None:
         kept = model.prior.to_dict()
@@ -284,9 +276,21 @@ def assess(found: Measured, speeds: SpeedRange | None = None) -> Identification:
         warnings=warnings,
         alarms=before if headline is None else headline.alarms,
         amperes=in_amperes(model, data.motions),
-        torque_lag=lag,
+        torque_lag=found.lag,
         speed_range=speeds,
     )
+
+
+def _remarks(found: Measured, errors: Mapping[str, float]) -> tuple[list[str], tuple[str, ...], tuple[str, ...]]:
+    """Joints that are hardly predicted, the notes and the warnings; `errors` are the cross-validated ones."""
+    data, there, lag = found.bounds.fit.problem.data, found.there, found.lag
+    journal, limit = data.journal, data.options.criteria.unexplained_nrmse
+    held = [] if there is None or there.poses != there.samples else [held_at_poses(there)]
+    bad = [] if held else [name for name, x in errors.items() if x > limit]
+    late = [] if lag is None or not lag.warning else [lag.warning]
+    warnings = [*unpredicted(bad, limit, journal.explained), *late, *journal.warnings]
+    notes = [*journal.notes, *held, *described(lag)]
+    return bad, tuple(dict.fromkeys(notes)), tuple(dict.fromkeys(warnings))
 
 
 def _event(

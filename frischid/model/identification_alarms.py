@@ -113,7 +113,7 @@ def fit_alarms(
         *faulty_logs(_harmful(problem.data.journal.faults, errors, there, criteria)),
         *disagreeing_logs(problem, posterior, _share(model), criteria),
         *as_one(
-            wrong_signs([*posterior.contradicted, *_negative_rotors(problem, posterior)], criteria, _values(fit)),
+            wrong_signs([*posterior.contradicted, *_negative_rotors(posterior)], criteria, _values(fit)),
             indefinite_mass(model, least_inertia(model, map(_poses, problem.data.motions)), "fitted poses", criteria),
         ),
     ]
@@ -207,15 +207,15 @@ def _steps_to_least_squares(problem: Problem, posterior: MapEstimate) -> Array:
     along one of the k other directions, by one standard deviation of the prior.
     """
     mapping, prior, moments = problem.reduction.mapping, posterior.prior, problem.whole.weighted(1 / posterior.variance)
-    belief = gaussian(mapping @ prior.mean, mapping * prior.total_spread).precision
+    known = gaussian(mapping @ prior.mean, mapping * prior.total_spread).precision
     unit = np.sqrt(np.diag(moments)[:-1])
-    unit = np.where(unit > 0, unit, np.sqrt(np.diag(belief)))
+    unit = np.where(unit > 0, unit, np.sqrt(np.diag(known)))
     values, axes = linalg.eigh(moments[:-1, :-1] / np.outer(unit, unit))
     told = values > values[-1] / WORST_CONDITION**2
     pull = (moments[:-1, -1] - moments[:-1, :-1] @ posterior.theta) / unit
     certain = axes[:, told] @ ((axes[:, told].T @ pull) / values[told])
     open_axes = axes[:, ~told]
-    precision = open_axes.T @ (belief / np.outer(unit, unit)) @ open_axes
+    precision = open_axes.T @ (known / np.outer(unit, unit)) @ open_axes
     free = open_axes @ np.linalg.inv(np.linalg.cholesky(precision)).T
     return np.asarray(np.column_stack([certain, free]) / unit[:, None])
 
@@ -229,7 +229,7 @@ def run_faster(regressor: Regressor, motions: Iterable[Motion], factor: float) -
         yield regressor.evaluate(states), v
 
 
-def _negative_rotors(problem: Problem, posterior: MapEstimate) -> list[tuple[str, float]]:
+def _negative_rotors(posterior: MapEstimate) -> list[tuple[str, float]]:
     """Rotor inertias that came out negative: by how many standard errors."""
     error = np.sqrt(np.diag(posterior.full_covariance))
     return [
@@ -264,7 +264,7 @@ def held_at_poses(poses: Comparison) -> str:
     most = {n: abs(j.worst.measured - j.worst.predicted) for n, j in poses.joints.items()}
     said = ", ".join(f"{name} {torque:.3g}" for name, torque in most.items())
     return (
-        f"at rest the torque differs from gravity by up to (N·m, N): {said}; dry friction of at least this size holds "
-        "the joint there, or the model of gravity is wrong. Inertia and viscous friction are not fitted: record a "
-        "motion"
+        f"at standstill the torque differs from gravity by up to (N·m, N): {said}; dry friction of at least this size "
+        "holds the joint there, or the model of gravity is wrong. Inertia and viscous friction are not fitted: record "
+        "a motion"
     )

@@ -1,10 +1,23 @@
-"""Errors of one joint on logs that were not fitted, and what they are compared with."""
+"""Errors of joints on logs that were not fitted, and the sums over blocks of samples from which they are computed."""
 
 from __future__ import annotations
 
-from dataclasses import dataclass
+from dataclasses import dataclass, field
 
-from frischid.model.error_sums import Worst
+import numpy as np
+from numpy.typing import NDArray
+
+from frischid.core.types import Array
+
+
+@dataclass(frozen=True)
+class Worst:
+    """The sample with the largest error of a joint."""
+
+    source: str
+    t: float
+    measured: float
+    predicted: float
 
 
 @dataclass(frozen=True)
@@ -44,3 +57,51 @@ class JointFit:
     noise_floor: float
     expected: float
     worst: Worst
+
+
+@dataclass(eq=False)
+class ErrorSums:
+    """Running sums over the samples of all joints."""
+
+    joints: int
+    samples: int = 0
+    count: Array = field(init=False)
+    tau: Array = field(init=False)
+    tau2: Array = field(init=False)
+    error: Array = field(init=False)
+    error2: Array = field(init=False)
+    nominal2: Array = field(init=False)
+    worst: list[Worst | None] = field(init=False)
+
+    def __post_init__(self) -> None:
+        self.count, self.tau, self.tau2, self.error, self.error2, self.nominal2 = np.zeros((6, self.joints))
+        self.worst = [None] * self.joints
+
+    def add(self, t: Array, measured: Array, predicted: Array, nominal: Array, used: Array, source: str) -> None:
+        """Add samples: times (M,), torques and whether they count, (M, J)."""
+        residual = (measured - predicted) * used
+        self.samples += len(t)
+        self.count += used.sum(axis=0)
+        self.tau += (measured * used).sum(axis=0)
+        self.tau2 += (measured**2 * used).sum(axis=0)
+        self.error += residual.sum(axis=0)
+        self.error2 += (residual**2).sum(axis=0)
+        self.nominal2 += ((measured - nominal) ** 2 * used).sum(axis=0)
+        for j, i in enumerate(np.abs(residual).argmax(axis=0)):
+            before = self.worst[j]
+            if before is None or abs(residual[i, j]) > abs(before.measured - before.predicted):
+                self.worst[j] = Worst(source, float(t[i]), float(measured[i, j]), float(predicted[i, j]))
+
+    def of(self, kept: NDArray[np.bool_]) -> ErrorSums:
+        """The sums of some joints, (J,)."""
+        found = ErrorSums(int(kept.sum()), self.samples)
+        for name in ("count", "tau", "tau2", "error", "error2", "nominal2"):
+            setattr(found, name, getattr(self, name)[kept])
+        found.worst = [worst for worst, stays in zip(self.worst, kept, strict=True) if stays]
+        return found
+
+    @property
+    def std(self) -> Array:
+        """Standard deviation of each joint's torque, shape (J,)."""
+        count = np.maximum(self.count, 1)
+        return np.asarray(np.sqrt(np.maximum(self.tau2 / count - (self.tau / count) ** 2, 0.0)))

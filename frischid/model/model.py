@@ -10,7 +10,6 @@ from __future__ import annotations
 from collections.abc import Callable, Iterable, Iterator, Mapping, Sequence
 from dataclasses import dataclass, field
 from functools import cached_property
-from importlib import metadata
 from pathlib import Path
 from typing import Any
 
@@ -21,6 +20,7 @@ from frischid.core.files import write_text
 from frischid.core.named_sequence import NamedSequence
 from frischid.core.shown import Shown
 from frischid.core.types import Array
+from frischid.core.version import __version__
 from frischid.effects import Effect, columns_of
 from frischid.errors import InputError, UnknownNameError
 from frischid.estimators.frisch import Box
@@ -314,7 +314,7 @@ class Model(Shown):
         """Everything as plain JSON values."""
         return {
             "schema": SCHEMA,
-            "frischid": metadata.version("frischid"),
+            "frischid": __version__,
             "robot": robot_dict(self.robot),
             "effects": [effect.to_dict() for effect in self.effects],
             "filter": filter_dict(self.lowpass, self.velocity),

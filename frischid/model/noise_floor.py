@@ -9,7 +9,7 @@ the parallel filter,
 - n are random draws of the channels' noise (`noisy_motion`).
 - h are the filter's taps, and s_j² is the torque's noise *within* the filter's band. The noise of drives is seldom
   white, and motion hides it inside the band. So it is measured in the octaves above the band and extrapolated into the
-  band (`level_within`).
+  band (`torque_noise`).
 
 The first term contains position noise that reaches the torque through the accelerations. It also contains errors at
 reversals: noise shifts reversals, and the model's friction is smoothed. A robot whose friction is as smooth as the
@@ -130,15 +130,13 @@ class NoiseFloor:
         return np.asarray(np.maximum(smooth, np.minimum(sharp, rmse)))
 
 
-def level_within(x: Array, direction: Array, step: float, lowpass: LowPass) -> Array:
-    """Standard deviation of white noise with the same power within a filter's band as the noise of torques.
+def octaves_above(x: Array, direction: Array, step: float, lowpass: LowPass) -> Octaves:
+    """Power of the noise of torques in the octaves above a filter's band.
 
-    The power is measured above the band and extrapolated. Sixth differences over a lag of a quarter of the cut-off's
-    period pass the octave around twice the cut-off, and hardly any motion ten times slower than the cut-off. Half that
-    lag passes the next octave, and so on. Differences across a reversal of the joint, or with a sample at standstill,
-    are left out: dry friction jumps at a reversal and takes any value at standstill. The median ignores other jerks.
-    The power of the noise over frequency is modelled as that of white noise and of noise with a memory
-    (`spectra_of_noise`); no octave may have less power than the noise (`shares_of_noise`).
+    Sixth differences over a lag of a quarter of the cut-off's period pass the octave around twice the cut-off, and
+    hardly any motion ten times slower than the cut-off. Half that lag passes the next octave, and so on. Differences
+    across a reversal of the joint, or with a sample at standstill, are left out: dry friction jumps at a reversal and
+    takes any value at standstill. The median ignores other jerks.
 
     Parameters
     ----------
@@ -149,16 +147,7 @@ def level_within(x: Array, direction: Array, step: float, lowpass: LowPass) -> A
     step : float
         Time between samples, s.
     lowpass : LowPass
-
-    Returns
-    -------
-    ndarray, shape (J,)
     """
-    return torque_noise(x, octaves_above(x, direction, step, lowpass), lowpass)
-
-
-def octaves_above(x: Array, direction: Array, step: float, lowpass: LowPass) -> Octaves:
-    """Noise of torques in the octaves above a filter's band; parameters are those of `level_within`."""
     if lowpass.cutoff is None:
         return Octaves(len(x), step, np.empty(0), np.empty((0, x.shape[1])))
     lags = dict.fromkeys(max(1, round(0.25 / (2**k * lowpass.cutoff * step))) for k in range(CRITERIA.octaves))
@@ -168,7 +157,11 @@ def octaves_above(x: Array, direction: Array, step: float, lowpass: LowPass) -> 
 
 
 def torque_noise(x: Array, octaves: Octaves, lowpass: LowPass) -> Array:
-    """The standard deviation of `level_within`, (J,), from the `octaves_above` of the torques."""
+    """Standard deviation of white noise with the same power within a filter's band as the noise of torques, (J,).
+
+    The power in the band is extrapolated from `octaves_above`. It is modelled over frequency as that of white noise and
+    of noise with a memory (`spectra_of_noise`); no octave may have less power than the noise (`shares_of_noise`).
+    """
     if lowpass.cutoff is None or not len(octaves.centres):
         return noise_level(x)
     return np.asarray(np.sqrt(_carried_on(octaves, lowpass.cutoff)))

@@ -68,7 +68,7 @@ def rows_of(model: Model, kept: NDArray[np.bool_]) -> Model:
 
 
 def standstill_note(names: Sequence[str]) -> str:
-    """What a log without motion of some joints cannot show; empty where all move."""
+    """Warn of figures that a log without motion of some joints cannot give; empty where all move."""
     if not names:
         return ""
     never = "it does not move" if len(names) == 1 else "they do not move"
@@ -79,7 +79,7 @@ def standstill_note(names: Sequence[str]) -> str:
 
 
 def pose_note(poses: int, samples: int) -> str:
-    """What poses at standstill show of a model; empty without any."""
+    """Parts of a model that poses at standstill show; empty without any."""
     if not poses:
         return ""
     these = "The samples are" if poses == samples else f"{poses} of the {samples} samples are"

@@ -35,9 +35,10 @@ from scipy.optimize import differential_evolution, minimize
 from scipy.stats import qmc
 
 from frischid.core.types import Array
+from frischid.motions.families import Family
 from frischid.motions.limits import CHECK_RATE, Excess, extremes
 from frischid.motions.motion_cost import Cost
-from frischid.motions.trajectory import Family, Fourier
+from frischid.motions.trajectory import Fourier
 
 Progress = Callable[[float, float], None]
 """Called with the share of the budget that is used, and the best cost so far."""

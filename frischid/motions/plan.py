@@ -34,13 +34,14 @@ from frischid.errors import InputError
 from frischid.logs.log import Log
 from frischid.logs.readers import write_log
 from frischid.motions.collision import Clearance
+from frischid.motions.families import Family
 from frischid.motions.limits import CHECK_RATE, Excess, MotionLimits, Violation, assumed_limits, violations
 from frischid.motions.motion_cost import Cost
 from frischid.motions.motion_request import check_rate, check_runs
 from frischid.motions.optimality import criterion_of, inflation
 from frischid.motions.optimize import ATTEMPTS, Progress, Search
 from frischid.motions.plan_options import PlanOptions
-from frischid.motions.trajectory import ClosedForm, Family
+from frischid.motions.trajectory import ClosedForm
 from frischid.robot.robot import Robot
 from frischid.robot.stated_inertials import unstated
 

@@ -16,11 +16,11 @@ from frischid.core.types import Array
 from frischid.errors import InputError, UnknownNameError
 from frischid.motions.chirps import FASTEST, STEP_SHARES, USUAL, default_windows, highest_frequency
 from frischid.motions.collision import Clearance
+from frischid.motions.families import FAMILIES, Family
 from frischid.motions.limits import MotionLimits
 from frischid.motions.motion_request import check_length
 from frischid.motions.optimality import Criterion, criterion_of
 from frischid.motions.optimize import Bounds
-from frischid.motions.trajectory import FAMILIES, Family
 
 PLAN_RATE = 7.5
 """Instants of the criterion per second."""

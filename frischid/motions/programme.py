@@ -144,7 +144,7 @@ def programme(
     robot : Robot
     plan : Plan
     home : sequence of float, optional
-        Pose at rest before and after the motion, rad (m); None: the motion alone.
+        Pose before and after the motion, rad (m); None: the motion alone.
     share : float
         Share of the limits that the plan used.
     repeat : int

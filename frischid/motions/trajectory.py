@@ -1,9 +1,9 @@
 """Motions as functions of time: q(t), q̇(t), q̈(t) in closed form, without numerical differentiation.
 
-Families: finite Fourier series for each joint (Swevers et al. 1997) that start and end at standstill, quintic
-polynomials through given points (q, q̇, q̈) (Massaroli et al., section 3.2), quintic B-splines, and steps and chirps
-(`frischid.motions.chirps`). All are linear in their coefficients, and all know exactly where they turn back. For a
-Fourier series this holds because a trigonometric polynomial is an ordinary one on the unit circle,
+Finite Fourier series for each joint (Swevers et al. 1997) that start and end at standstill, quintic polynomials through
+given points (q, q̇, q̈) (Massaroli et al., section 3.2), and quintic B-splines. All are linear in their coefficients, and
+all know exactly where they turn back. For a Fourier series this holds because a trigonometric polynomial is an ordinary
+one on the unit circle,
 
     Σ_k (s_k sin kφ + c_k cos kφ) = 0   ⇔   Σ_k (c_k + i s_k) z^{K−k} + (c_k − i s_k) z^{K+k} = 0,   z = e^{iφ},
 
@@ -16,7 +16,6 @@ Guide to Splines", 1978.
 
 from __future__ import annotations
 
-from collections.abc import Callable
 from dataclasses import dataclass
 from functools import cached_property
 from typing import Any, Protocol
@@ -27,8 +26,7 @@ from scipy.interpolate import BSpline as ScipySpline
 
 from frischid.core.arguments import check_kind
 from frischid.core.types import Array
-from frischid.errors import InputError, UnknownNameError
-from frischid.motions.chirps import STEP_SHARES, USUAL, law
+from frischid.errors import InputError
 from frischid.motions.motion_request import check_length
 from frischid.robot.motion_arrays import numbers_of
 from frischid.robot.robot import Robot
@@ -237,72 +235,6 @@ def _roots(piecewise: Any, duration: float) -> Array:
     # A polynomial that is zero everywhere gives NaN; there the motion has no turning point.
     candidates = np.concatenate([roots[np.isfinite(roots)], piecewise.x])
     return np.asarray(candidates[(candidates > 0.0) & (candidates < duration)])
-
-
-FAMILIES = ("fourier", "bspline", "points", *STEP_SHARES)
-
-WITHOUT_RETURN = ("bspline", "points")
-"""Families whose motions end elsewhere than where they began."""
-
-
-def check_return(family: str, repeat: int) -> None:
-    """Refuse several runs in a row of a family whose motions do not end where they began.
-
-    Raises
-    ------
-    InputError
-    """
-    if repeat > 1 and family in WITHOUT_RETURN:
-        raise InputError(
-            f"a motion of the family {family} cannot be repeated: it does not end where it began; plan with the family "
-            "fourier"
-        )
-
-
-@dataclass(frozen=True, eq=False)
-class Family:
-    """Motions linear in their coefficients.
-
-    Attributes
-    ----------
-    build : callable
-        Coefficients (P, J) -> motion.
-    constant : ndarray, shape (P,)
-        Coefficients of the motion that stays at 1.
-    fastest : float
-        Hz. Highest frequency that a motion may have; 0 where its number of coefficients says this.
-    """
-
-    build: Callable[[Array], ClosedForm]
-    constant: Array
-    fastest: float = 0.0
-
-    @classmethod
-    def named(cls, name: str, duration: float, size: int, highest: float = USUAL) -> Family:
-        """Build a family by name, of `size` harmonics, control points, via points, or chirp windows to `highest` Hz."""
-        if name == "fourier":
-            return cls(
-                lambda X: Fourier.rested(X[0], X[1 : size + 1], X[size + 1 :], duration), np.eye(2 * size + 1)[0]
-            )
-        if name == "bspline":
-            return cls(lambda X: BSpline.rested(X, duration), np.ones(size))
-        if name in STEP_SHARES:
-            t, rows, constant = law(name, duration, size, highest)
-            return cls(lambda X: Quintic(t, *(rows @ X)), constant, highest)
-        if name != "points":
-            raise UnknownNameError("family", name, FAMILIES)
-        t = np.linspace(0.0, duration, size)
-
-        def joined(X: Array) -> Quintic:
-            rest = np.zeros((1, X.shape[1]))
-            v, a = X[size : 2 * size - 2], X[2 * size - 2 :]
-            return Quintic(t, X[:size], np.concatenate([rest, v, rest]), np.concatenate([rest, a, rest]))
-
-        return cls(joined, np.concatenate([np.ones(size), np.zeros(2 * size - 4)]))
-
-    def basis(self, t: Array) -> Array:
-        """Rows β, β̇, β̈ at times t: the family's motion with unit coefficients, (3, N, P)."""
-        return np.stack(self.build(np.eye(len(self.constant)))(t))
 
 
 def random_fourier(robot: Robot, duration: float, *, seed: int, harmonics: int = 5, scale: float = 0.7) -> Fourier:

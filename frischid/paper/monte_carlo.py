@@ -68,7 +68,7 @@ class ArmMotion:
 
 @dataclass(frozen=True, eq=False)
 class StudyRun:
-    """What one noisy log gave; every array holds the nine parameters in the order of Table 3.
+    """Results of one noisy log; every array holds the nine parameters in the order of Table 3.
 
     Attributes
     ----------
@@ -180,7 +180,7 @@ def history_steps(samples: int) -> NDArray[np.intp]:
 
 
 class AuthorsRecursion(NamedTuple):
-    """What the recursion as published found.
+    """Result of the recursion as published.
 
     Attributes
     ----------

@@ -56,7 +56,7 @@ def paper_page(source: str, authors: bool, runs: int, tables: Sequence[PaperTabl
 
 
 def _short(title: str) -> str:
-    """What stands before the colon of a title, "Table 2"."""
+    """The part of a title before its colon, "Table 2"."""
     return title.partition(":")[0].replace("\u00a0", " ")
 
 

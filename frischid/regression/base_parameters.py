@@ -90,7 +90,7 @@ class Reduction:
         return tuple(sorted(self.absolute + self.independent))
 
     def described_cost(self) -> str:
-        """What merging costs, in words; empty where it costs nothing but rounding."""
+        """The cost of merging, in words; empty where it costs nothing but rounding."""
         words = f"merging near-dependencies costs at most {self.cost:.1e} of a joint's torque"
         return words if self.cost > _EXACT else ""
 
@@ -190,52 +190,14 @@ def reduce(
     )
 
 
-def root_of(moments: Array) -> Array:
-    """Square root of moments: a small matrix with the moments of the whole regression matrix.
-
-    Parameters
-    ----------
-    moments : ndarray, shape (C, C)
-        ``WᵀW``, symmetric and positive semidefinite.
-
-    Returns
-    -------
-    ndarray, shape (C, C)
-        R with ``RᵀR = moments``.
-
-    Raises
-    ------
-    InputError
-        The matrix is not square, not finite, or has a clearly negative eigenvalue.
-    """
-    moments = _finite(moments, "the moment matrix")
-    if moments.shape[0] != moments.shape[1]:
-        raise InputError(f"a moment matrix must be square; this one is {moments.shape[0]} x {moments.shape[1]}")
-    # With a unit diagonal, rounding errors of large columns do not spoil small ones.
-    norms = np.sqrt(np.maximum(moments.diagonal(), 0.0))
-    scale = np.where(norms > 0.0, norms, 1.0)
-    values, vectors = np.linalg.eigh((moments + moments.T) / (2.0 * np.outer(scale, scale)))
-    if values.min(initial=0.0) < -1e-9 * values.max(initial=0.0):
-        raise InputError(
-            f"the moment matrix has the negative eigenvalue {values[0]:.3g} (columns at unit norm), so it is not a "
-            "sum of squares; check that only logs that had been added were subtracted"
-        )
-    return np.asarray(np.sqrt(np.maximum(values, 0.0))[:, None] * vectors.T * norms)
-
-
-def _finite(matrix: Array, what: str) -> Array:
-    matrix = np.asarray(matrix, dtype=float)
-    if matrix.ndim != 2:
-        raise InputError(f"{what} has {matrix.ndim} dimensions; it must have 2")
-    bad = np.flatnonzero(~np.isfinite(matrix).all(axis=0))
-    if len(bad):
-        raise InputError(f"{what} has NaN or infinite values in column {bad[0]}; clean the log first")
-    return matrix
-
-
 def _compact(root: Array, count: int, tol: float) -> Array:
     """Check the arguments of `reduce`, and reduce a tall root to a square one, so that the SVDs are cheap."""
-    root = _finite(root, "the regression matrix")
+    root = np.asarray(root, dtype=float)
+    if root.ndim != 2:
+        raise InputError(f"the regression matrix has {root.ndim} dimensions; it must have 2")
+    bad = np.flatnonzero(~np.isfinite(root).all(axis=0))
+    if len(bad):
+        raise InputError(f"the regression matrix has NaN or infinite values in column {bad[0]}; clean the log first")
     if root.shape[1] != count:
         raise InputError(f"the regression matrix has {root.shape[1]} columns but {count} are named")
     if not 0.0 < tol <= 1e-4:

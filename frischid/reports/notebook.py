@@ -17,6 +17,7 @@ from markupsafe import Markup
 
 from frischid import figures
 from frischid.diagnosis.clause import missing
+from frischid.diagnosis.findings import Finding
 from frischid.diagnosis.motion_space import MotionDiagnosis
 from frischid.diagnosis.result import Diagnosis
 from frischid.errors import InputError
@@ -36,6 +37,18 @@ Backend = Literal["pandas", "polars", "pyarrow"]
 BACKENDS: tuple[Backend, ...] = get_args(Backend)
 ROWS_SHOWN = 12
 FINDINGS_DRAWN = 10
+NEXT: dict[type, tuple[str, str]] = {
+    Identification: ("what is missing?", "fr.diagnose(identification.model, logs)"),
+    Model: ("how good is the model on another log?", "fr.compare(model, [log])"),
+    Comparison: ("what is missing?", "fr.diagnose(model, logs)"),
+    Plan: ("record this motion, and identify", 'fr.identify(robot, [fr.read_log("log.csv", robot.joints)])'),
+    MotionComparison: (
+        "which effect changes the motion?",
+        "fr.simulate_findings(model, fr.diagnose(model, logs), logs)",
+    ),
+    OutputError: ("how far does the simulated motion go?", "fr.compare_simulated(fitted.model, logs)"),
+}
+"""Result -> what most users want next, in words and as the line of Python; findings have a line of their own."""
 
 
 def page_of(result: Any) -> Markup:
@@ -77,42 +90,16 @@ def _bounds(result: Model | Identification | OutputError) -> list[str]:
 
 @singledispatch
 def next_of(result: Any) -> tuple[str, str]:
-    """What most users want next of a result: in words, and the line of Python."""
-    raise InputError(f"a {type(result).__name__} has no suggested next step")
-
-
-@next_of.register
-def _after_fit(result: Identification) -> tuple[str, str]:
-    return "what is missing?", "fr.diagnose(identification.model, logs)"
-
-
-@next_of.register
-def _after_model(result: Model) -> tuple[str, str]:
-    return "how good is the model on another log?", "fr.compare(model, [log])"
-
-
-@next_of.register
-def _after_comparison(result: Comparison) -> tuple[str, str]:
-    return "what is missing?", "fr.diagnose(model, logs)"
+    """The next step that most users want of a result: in words, and the line of Python."""
+    return NEXT[type(result)]
 
 
 @next_of.register
 def _after_diagnosis(result: Diagnosis) -> tuple[str, str]:
     for k, finding in enumerate(result.findings):
         if finding.significant and finding.members:
-            it = f"diagnosis.findings[{k}]"
-            return f"add {finding.effect} and see the error", f"fr.add(model, {it}.members, logs, finding={it})"
-    return "how good is the model on another log?", "fr.compare(model, [log])"
-
-
-@next_of.register
-def _after_plan(result: Plan) -> tuple[str, str]:
-    return "record this motion, and identify", 'fr.identify(robot, [fr.read_log("log.csv", robot.joints)])'
-
-
-@next_of.register
-def _after_motion(result: MotionComparison) -> tuple[str, str]:
-    return "which effect changes the motion?", "fr.simulate_findings(model, fr.diagnose(model, logs), logs)"
+            return _added(finding, f"diagnosis.findings[{k}]")
+    return NEXT[Model]
 
 
 @next_of.register
@@ -120,14 +107,12 @@ def _after_motion_diagnosis(result: MotionDiagnosis) -> tuple[str, str]:
     for k, simulated in enumerate(result.findings):
         finding = simulated.finding
         if not simulated.refused and simulated.ratio < 1.0 and finding.significant and finding.members:
-            it = f"simulated.findings[{k}].finding"
-            return f"add {finding.effect} and see the error", f"fr.add(model, {it}.members, logs, finding={it})"
+            return _added(finding, f"simulated.findings[{k}].finding")
     return "how far does the simulated motion go?", "fr.compare_simulated(model, logs)"
 
 
-@next_of.register
-def _after_output_error(result: OutputError) -> tuple[str, str]:
-    return "how far does the simulated motion go?", "fr.compare_simulated(fitted.model, logs)"
+def _added(finding: Finding, it: str) -> tuple[str, str]:
+    return f"add {finding.effect} and see the error", f"fr.add(model, {it}.members, logs, finding={it})"
 
 
 @singledispatch
@@ -156,7 +141,7 @@ def _of_model(result: Model) -> dict[str, list[Any]]:
 
 
 @columns_of.register
-def _of_identification(result: Identification) -> dict[str, list[Any]]:
+def _of_fit(result: Identification | OutputError) -> dict[str, list[Any]]:
     return columns_of(result.model)
 
 
@@ -218,11 +203,6 @@ def _of_motion_diagnosis(result: MotionDiagnosis) -> dict[str, list[Any]]:
     }
 
 
-@columns_of.register
-def _of_output_error(result: OutputError) -> dict[str, list[Any]]:
-    return columns_of(result.model)
-
-
 @singledispatch
 def figure_of(result: Any) -> go.Figure:
     """The figure that says most of a result."""
@@ -235,7 +215,7 @@ def _parameters(result: Model) -> go.Figure:
 
 
 @figure_of.register
-def _identified(result: Identification) -> go.Figure:
+def _fitted(result: Identification | OutputError) -> go.Figure:
     return figures.intervals(result.model).figure
 
 
@@ -295,11 +275,6 @@ def _moved_with_findings(result: MotionDiagnosis) -> go.Figure:
     figure.update_xaxes(title="error of the simulated motion, times that without the effect", rangemode="tozero")
     figure.update_yaxes(automargin=True)
     return figures.style.drawing("", "", figure, 120 + 28 * len(names)).figure
-
-
-@figure_of.register
-def _refitted(result: OutputError) -> go.Figure:
-    return figures.intervals(result.model).figure
 
 
 def frame_of(result: Any, backend: str) -> Any:

@@ -10,7 +10,6 @@ from __future__ import annotations
 from collections.abc import Callable, Mapping
 from dataclasses import replace
 from datetime import UTC, datetime
-from importlib import metadata
 from pathlib import Path
 from typing import Literal
 
@@ -19,6 +18,7 @@ from markupsafe import Markup
 from frischid.core.files import check_writable, write_text
 from frischid.core.text import counted, listed
 from frischid.core.types import Array
+from frischid.core.version import __version__
 from frischid.diagnosis.result import Diagnosis
 from frischid.logs.given import Logs, as_logs
 from frischid.logs.mapping import MappingLike
@@ -129,4 +129,4 @@ def page(found: Study, model_path: str = "model.json") -> str:
 def _made(found: Study) -> str:
     names = ", ".join(Path(log.source).name for log in found.logs)
     day = datetime.now(UTC).strftime("%Y-%m-%d %H:%M UTC")
-    return f"{names} · frischid {metadata.version('frischid')} · {day}"
+    return f"{names} · frischid {__version__} · {day}"

@@ -13,7 +13,7 @@ from frischid.robot.urdf_doubts import has_one_inertial
 
 
 def unstated(robot: Robot) -> str:
-    """What the URDF has in place of inertials, in words: nothing, or one for all links; "" where it states them.
+    """The URDF's substitute for inertials, in words: nothing, or one for all links; "" where it states them.
 
     Examples
     --------

@@ -10,19 +10,18 @@ from __future__ import annotations
 
 import math
 from collections.abc import Mapping
-from xml.parsers import expat
+from dataclasses import dataclass, field
 
 import numpy as np
 
 from frischid.robot.urdf_numbers import NUMBER_PATTERN
 from frischid.robot.urdf_reading import FEWEST_ALIKE, MOVING, is_placeholder
+from frischid.robot.xml_places import Element, elements
 
 FAR_CENTRE = 1.5
 """Times the distance to the farthest next joint (at least `SMALL_LINK`). A centre of mass farther out is doubtful."""
 SMALL_LINK = 0.25
 """m. A link without a next joint, or with a near one, may be as large as this."""
-
-Place = tuple[int, str]
 
 
 def urdf_doubts(text: str) -> list[str]:
@@ -45,57 +44,58 @@ def urdf_doubts(text: str) -> list[str]:
     return [*_dampings(seen), *_inertias(seen), *_centres(seen)]
 
 
+@dataclass
 class _Seen:
-    """What the elements of a URDF say, with their lines."""
+    """Numbers in the elements of a URDF, with their lines, by the name of the joint or link.
 
-    def __init__(self) -> None:
-        self.moving: list[str] = []
-        self.damping: dict[str, tuple[int, str]] = {}
-        self.of_mjcf = False
-        self.inertia: dict[str, tuple[int, tuple[float, ...]]] = {}
-        self.mass: dict[str, float] = {}
-        self.centre: dict[str, tuple[int, np.ndarray]] = {}
-        self.reach: dict[str, float] = {}
+    ``reach`` is the distance from a link to its farthest next joint, m.
+    """
+
+    moving: list[str] = field(default_factory=list)
+    damping: dict[str, tuple[int, str]] = field(default_factory=dict)
+    of_mjcf: bool = False
+    inertia: dict[str, tuple[int, tuple[float, ...]]] = field(default_factory=dict)
+    mass: dict[str, float] = field(default_factory=dict)
+    centre: dict[str, tuple[int, np.ndarray]] = field(default_factory=dict)
+    reach: dict[str, float] = field(default_factory=dict)
+
+    def add_joint(self, joint: Element) -> None:
+        """Read the damping of a joint, and its distance from its parent."""
+        name, parent, offset = joint.attributes.get("name", ""), "", 0.0
+        if joint.attributes.get("type") in MOVING:
+            self.moving.append(name)
+        for part in joint.children:
+            if part.name == "dynamics" and "damping" in part.attributes:
+                self.damping[name] = part.line, part.attributes["damping"]
+                self.of_mjcf |= "armature" in part.attributes
+            elif part.name == "origin":
+                offset += float(np.linalg.norm(_three(part.attributes)))
+            elif part.name == "limit" and joint.attributes.get("type") == "prismatic":  # a rail of this length
+                offset += max(abs(_number(part.attributes.get(k, "0"))) for k in ("lower", "upper"))
+            elif part.name == "parent":
+                parent = part.attributes.get("link", "")
+        self.reach[parent] = max(self.reach.get(parent, 0.0), offset)
+
+    def add_link(self, link: Element) -> None:
+        """Read the inertial of a link."""
+        name = link.attributes.get("name", "")
+        for part in (part for inertial in link.children if inertial.name == "inertial" for part in inertial.children):
+            if part.name == "origin":
+                self.centre[name] = part.line, _three(part.attributes)
+            elif part.name == "mass":
+                self.mass[name] = _number(part.attributes.get("value", ""))
+            elif part.name == "inertia":
+                six = tuple(_number(part.attributes.get(k, "")) for k in ("ixx", "ixy", "ixz", "iyy", "iyz", "izz"))
+                self.inertia[name] = part.line, six
 
 
 def _read(text: str) -> _Seen:
-    parser, seen = expat.ParserCreate(), _Seen()
-    path: list[str] = []
-    owner, parent, offset, sliding = "", "", 0.0, False
-
-    def start(tag: str, attributes: dict[str, str]) -> None:
-        nonlocal owner, parent, offset, sliding
-        path.append(tag)
-        place, line = tuple(path[1:]), parser.CurrentLineNumber
-        if place in (("link",), ("joint",)):
-            owner, parent, offset = attributes.get("name", ""), "", 0.0
-            sliding = attributes.get("type") == "prismatic"
-            if tag == "joint" and attributes.get("type") in MOVING:
-                seen.moving.append(owner)
-        elif place == ("joint", "dynamics") and "damping" in attributes:
-            seen.damping[owner] = line, attributes["damping"]
-            seen.of_mjcf |= "armature" in attributes
-        elif place == ("joint", "origin"):
-            offset += float(np.linalg.norm(_three(attributes)))
-        elif place == ("joint", "limit") and sliding:  # the link is a rail of this length
-            offset += max(abs(_number(attributes.get(k, "0"))) for k in ("lower", "upper"))
-        elif place == ("joint", "parent"):
-            parent = attributes.get("link", "")
-        elif place == ("link", "inertial", "origin"):
-            seen.centre[owner] = line, _three(attributes)
-        elif place == ("link", "inertial", "mass"):
-            seen.mass[owner] = _number(attributes.get("value", ""))
-        elif place == ("link", "inertial", "inertia"):
-            six = tuple(_number(attributes.get(k, "")) for k in ("ixx", "ixy", "ixz", "iyy", "iyz", "izz"))
-            seen.inertia[owner] = line, six
-
-    def end(tag: str) -> None:
-        if path[1:] == ["joint"]:
-            seen.reach[parent] = max(seen.reach.get(parent, 0.0), offset)
-        path.pop()
-
-    parser.StartElementHandler, parser.EndElementHandler = start, end
-    parser.Parse(text, True)
+    seen = _Seen()
+    for part in elements(text.encode(), "the URDF").children:
+        if part.name == "joint":
+            seen.add_joint(part)
+        elif part.name == "link":
+            seen.add_link(part)
     return seen
 
 

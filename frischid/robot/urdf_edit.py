@@ -1,41 +1,20 @@
 """A URDF as text: inertials, joint friction, axes and zeros are replaced in place, and no other byte changes.
 
-An XML library that reads and writes the file would reorder attributes, drop comments or change white space. Here the
-parser only finds the *places* of elements, in bytes; the edits are then made from the last to the first.
+`frischid.robot.xml_places` finds the places of elements; the edits are then made from the last to the first.
 """
 
 from __future__ import annotations
 
 import re
 from collections.abc import Iterator, Mapping, Sequence
-from dataclasses import dataclass
-from xml.parsers import expat
 from xml.sax.saxutils import quoteattr
 
 import numpy as np
 from scipy.spatial.transform import Rotation
 
 from frischid.core.types import Array
-from frischid.errors import InputError
 from frischid.robot.inertia import dynamic_parameters, pseudo_inertia
-
-Span = tuple[int, int]
-
-
-@dataclass
-class Element:
-    """Place of an element: byte ranges of its start tag and of the whole element; its attributes and children."""
-
-    name: str
-    attributes: dict[str, str]
-    tag: Span
-    end: int
-    empty: bool
-    children: list[Element]
-
-    def child(self, name: str) -> Element | None:
-        """First direct child of that name."""
-        return next((c for c in self.children if c.name == name), None)
+from frischid.robot.xml_places import Element, Span, elements
 
 
 class UrdfText:
@@ -49,7 +28,7 @@ class UrdfText:
 
     def __init__(self, text: str) -> None:
         self.data = text.encode()
-        root = _elements(self.data)
+        root = elements(self.data, "the URDF")
         self.links = {e.attributes.get("name", ""): e for e in root.children if e.name == "link"}
         self.joints = {e.attributes.get("name", ""): e for e in root.children if e.name == "joint"}
 
@@ -237,46 +216,6 @@ def _inertial_lines(P: Array) -> list[str]:
         f'  <inertia ixx="{xx!r}" ixy="{xy!r}" ixz="{xz!r}" iyy="{yy!r}" iyz="{yz!r}" izz="{zz!r}"/>',
         "</inertial>",
     ]
-
-
-def _elements(data: bytes) -> Element:
-    """The tree of elements with their places."""
-    parser = expat.ParserCreate(encoding="utf-8")
-    top = Element("", {}, (0, 0), len(data), False, [])
-    open_elements = [top]
-
-    def start(name: str, attributes: dict[str, str]) -> None:
-        begin = parser.CurrentByteIndex
-        close = end_of_tag(data, begin)
-        element = Element(name, attributes, (begin, close), close, data[close - 2 : close] == b"/>", [])
-        open_elements[-1].children.append(element)
-        open_elements.append(element)
-
-    def end(_: str) -> None:
-        element = open_elements.pop()
-        if not element.empty:
-            element.end = data.index(b">", parser.CurrentByteIndex) + 1
-
-    parser.StartElementHandler, parser.EndElementHandler = start, end
-    try:
-        parser.Parse(data, True)
-    except expat.ExpatError as error:
-        raise InputError(f"the URDF is not an XML file: {error}") from None
-    return top.children[0]
-
-
-def end_of_tag(data: bytes, begin: int) -> int:
-    """Place after the ``>`` that ends a start tag; a ``>`` inside quotes does not end it."""
-    quote = 0
-    for place in range(begin, len(data)):
-        byte = data[place]
-        if quote:
-            quote = 0 if byte == quote else quote
-        elif byte in b"\"'":
-            quote = byte
-        elif byte == ord(">"):
-            return place + 1
-    raise InputError("the file ends inside a tag")
 
 
 def _rotation(rpy: Array) -> Array:

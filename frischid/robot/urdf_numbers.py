@@ -17,10 +17,9 @@ from __future__ import annotations
 import math
 import re
 from collections.abc import Mapping
-from xml.parsers import expat
 
 from frischid.errors import InputError
-from frischid.robot.urdf_edit import end_of_tag
+from frischid.robot.xml_places import Element, elements
 
 NUMBER_PATTERN = re.compile(r"[+-]?(\d+\.?\d*|\.\d+)([eE][+-]?\d+)?", re.ASCII)
 """A number that Pinocchio's parser can read: plain digits, without a space or a comma."""
@@ -71,28 +70,20 @@ def check_numbers(text: str, source: str) -> None:
     Traceback (most recent call last):
     frischid.errors.InputError: arm.urdf, line 1: value="10,5" of <mass> of link 'arm' is not a finite number; ...
     """
-    parser, data = expat.ParserCreate(), text.encode()
-    path: list[str] = []
-    owner = ""
+    data = text.encode()
+    for part in elements(data, source).children:
+        _check_below(part, (part.name,), f"{part.name} '{part.attributes.get('name', '')}'", data, source)
 
-    def start(tag: str, attributes: dict[str, str]) -> None:
-        nonlocal owner
-        path.append(tag)
-        if len(path) == 2:
-            owner = f"{tag} '{attributes.get('name', '')}'"
-        place = tuple(path[1:])
+
+def _check_below(parent: Element, path: tuple[str, ...], owner: str, data: bytes, source: str) -> None:
+    """Check the elements below a link or a joint, `owner` in words; `path` leads to the parent."""
+    for element in parent.children:
+        place = (*path, element.name)
         if place in _NUMBERS:
-            where = f"{source}, line {parser.CurrentLineNumber}"
-            element = where, f"<{tag}> of {owner}"
-            _check_element(_NUMBERS[place], attributes, place in _REQUIRED, element)
-            written = data[parser.CurrentByteIndex : end_of_tag(data, parser.CurrentByteIndex)].decode()
-            _check_written(_NUMBERS[place], attributes, written, element)
-
-    def end(_: str) -> None:
-        path.pop()
-
-    parser.StartElementHandler, parser.EndElementHandler = start, end
-    parser.Parse(text, True)
+            said = f"{source}, line {element.line}", f"<{element.name}> of {owner}"
+            _check_element(_NUMBERS[place], element.attributes, place in _REQUIRED, said)
+            _check_written(_NUMBERS[place], element.attributes, data[slice(*element.tag)].decode(), said)
+        _check_below(element, place, owner, data, source)
 
 
 def _check_element(

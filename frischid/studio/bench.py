@@ -294,7 +294,7 @@ class Bench:
 
     @cached_property
     def _stretches(self) -> list[Log]:
-        """What the first look is taken at: always the same logs, so that their columns are computed once."""
+        """The logs of the first look: always the same, so that their columns are computed once."""
         return first_look(self.fit, self.state.model.lowpass)
 
     def _examine(self, state: State) -> None:

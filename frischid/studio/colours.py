@@ -1,4 +1,4 @@
-"""Colours of the joints in the scene."""
+"""Colours of the joints in the scene, and their legend: a bar from the colour without error to that of the largest."""
 
 from __future__ import annotations
 
@@ -14,3 +14,30 @@ def colour_of(error: float, top: float) -> tuple[int, int, int]:
     share = float(np.clip(error / top, 0.0, 1.0))
     r, g, b = (int(x) for x in COOL + share * (HOT - COOL))
     return r, g, b
+
+
+def legend(top: float, lit: bool) -> str:
+    """HTML of the legend.
+
+    Parameters
+    ----------
+    top : float
+        Error at which the colour is the strongest, a share of the torque's standard deviation.
+    lit : bool
+        Whether joints are lit because a finding acts on them.
+    """
+    calm, hot = (f"rgb{colour_of(error, top)}" for error in (0.0, top))
+    shown = (
+        f'<span style="white-space:nowrap"><i style="{_DOT};background:rgb{LIT}"></i> acts in the finding shown</span>'
+        if lit
+        else ""
+    )
+    return (
+        '<div class="frischid-legend" style="font-size:.8em;padding:0 10px;display:flex;flex-wrap:wrap;gap:2px 10px">'
+        f'<span style="white-space:nowrap">joints: error 0 % <i style="{_BAR};background:linear-gradient(90deg,{calm},'
+        f'{hot})"></i> {100 * top:.0f} % and more</span>{shown}</div>'
+    )
+
+
+_BAR = "display:inline-block;width:70px;height:9px;border-radius:4px"
+_DOT = "display:inline-block;width:9px;height:9px;border-radius:50%"

@@ -1,4 +1,4 @@
-"""What the studio's first findings come from: stretches of several logs, together as long as the shortest log.
+"""The logs of the studio's first findings: stretches of several logs, together as long as the shortest log.
 
 One log alone cannot tell what changes with its time from what changes with its motion. On the UR10e's shortest log,
 warming up is the most probable cause (68 %); on all its logs, that probability is 0 %. Stretches of three logs name

@@ -18,11 +18,11 @@ from frischid import figures
 from frischid.figures import Drawing
 from frischid.figures.torque import TIME_MARGIN, side_by_side
 from frischid.studio.bench import Bench, State, message_of
+from frischid.studio.colours import legend
 from frischid.studio.cursor import line
 from frischid.studio.findings import Findings
 from frischid.studio.frame import WIDTH, Frame
 from frischid.studio.headline_text import error_text, origin_text, verdict_errors
-from frischid.studio.legend import legend
 from frischid.studio.track import Track
 from frischid.studio.words import plain
 

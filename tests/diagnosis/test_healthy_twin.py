@@ -18,7 +18,7 @@ from frischid.diagnosis.verdict import LIKE_THE_TWIN, concluded, with_probabilit
 from frischid.effects import BASELINE, parse_effects
 from frischid.logs.log import Log
 from frischid.model.identification import identify
-from frischid.model.noise_floor import level_within
+from frischid.model.noise_floor import octaves_above, torque_noise
 from frischid.motions.simulation import Noise, simulate
 from frischid.motions.trajectory import random_fourier
 from frischid.regression.regressor import Regressor
@@ -169,5 +169,6 @@ def test_torques_that_are_not_fitted_do_not_change_the_noise_of_the_twin():
         (motion,) = model.motions([recorded])
         twin = _Twin.of(model, Regressor(ARM, model.effects, model.reference), motion, model.lowpass)
         measured, direction = motion.tau[:, :1], motion.direction[:, :1]
-        levels += [twin.level[0], level_within(measured, direction, motion.step, model.lowpass)[0]]
+        octaves = octaves_above(measured, direction, motion.step, model.lowpass)
+        levels += [twin.level[0], torque_noise(measured, octaves, model.lowpass)[0]]
     assert levels == pytest.approx([levels[0]] * 4)

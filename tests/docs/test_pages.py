@@ -136,6 +136,18 @@ def test_links_to_other_sites_have_the_form_of_an_address():
             assert re.fullmatch(r"/[\w.-]+/[\w.-]+(?:/(?:tree|blob)/[\w./-]+)?", parts.path), link
 
 
+def test_the_trail_of_one_log_names_functions_that_exist():
+    """docs/architecture.md leads a reader of the code from the file to the report."""
+    rows = re.findall(r"^\| \d+ \| .*$", text_of(DOCS / "architecture.md"), flags=re.MULTILINE)
+    named = [pair for row in rows for pair in re.findall(r"`([\w.]+)` in `(\w+/\w+)\.py`", row)]
+    assert len(named) >= len(rows) > 10
+    for function, path in named:
+        found = importlib.import_module(f"frischid.{path.replace('/', '.')}")
+        for part in function.split("."):
+            found = getattr(found, part)
+        assert callable(found)
+
+
 def test_every_page_is_in_the_navigation():
     listed = set(re.findall(r"[\w/-]+\.md", text_of(ROOT / "mkdocs.yml")))
     assert listed == {page.relative_to(DOCS).as_posix() for page in PAGES}

@@ -362,14 +362,13 @@ def moments_of(theta, seed, samples=2000):
 
 def test_a_change_must_pay_for_its_parameters():
     theta = np.array([1.0, 2.0, 3.0, 4.0, 5.0])
-    weights = np.array([1e2])
-    found = [len(changes(moments_of(theta, seed), theta, weights, 1.0)) for seed in range(40)]
+    found = [len(changes(moments_of(theta, seed), theta, 1.0)) for seed in range(40)]
     assert sum(found) <= 2  # chance alone gains 1/2 a parameter, and the price is ½ log 2000 = 3.8
     other = theta + np.array([0.0, 0.05, 0.0, 0.0, -0.02])
     for seed in range(10):
-        assert [c.effect for c in changes(moments_of(other, seed), theta, weights, 1.0)] == ["effect 1", "effect 4"]
+        assert [c.effect for c in changes(moments_of(other, seed), theta, 1.0)] == ["effect 1", "effect 4"]
     # correlated residuals count less: the same figures are then no evidence
-    assert changes(moments_of(theta + np.array([0.0, 0.01, 0.0, 0.0, 0.0]), 0), theta, weights, 100.0) == []
+    assert changes(moments_of(theta + np.array([0.0, 0.01, 0.0, 0.0, 0.0]), 0), theta, 100.0) == []
 
 
 def test_a_robot_is_compared_with_the_others_alone():

@@ -9,7 +9,7 @@ from scipy.signal import lfilter
 from frischid.effects import BASELINE, parse_effects
 from frischid.errors import EmptyBoxError, IdentifiabilityError, InputError, UnknownNameError
 from frischid.estimators.frisch import Box
-from frischid.estimators.least_squares import cross_validated
+from frischid.estimators.least_squares import least_squares_folds
 from frischid.logs.locked_joints import moving_but_locked
 from frischid.logs.log import Log
 from frischid.logs.summary import summarise
@@ -259,7 +259,7 @@ def test_fewer_samples_than_parameters():
         quick(UR10, [log.slice(100, 118)], torque_joints=["shoulder_pan_joint"], prior="none")
     estimate = quick(PLANAR, [planar_log(seconds=5.0)]).model.estimate
     with pytest.raises(IdentifiabilityError, match=r"too short to hold any of it out.*record longer"):
-        cross_validated([Gram.zeros(estimate.columns, estimate.joints)], estimate.weights)
+        least_squares_folds([Gram.zeros(estimate.columns, estimate.joints)], estimate.weights)
     with pytest.raises(InputError, match="no stretch without a gap is longer"):
         quick(UR10, [log.slice(100, 112)])
 

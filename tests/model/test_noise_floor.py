@@ -14,7 +14,7 @@ from frischid.logs.log import Log
 from frischid.logs.preprocessing import prepare
 from frischid.model.comparison import compare
 from frischid.model.identification import identify
-from frischid.model.noise_floor import NoiseFloor, level_within
+from frischid.model.noise_floor import NoiseFloor, octaves_above, torque_noise
 from frischid.model.noisy_motion import _encoder_step
 from frischid.motions.simulation import Noise, simulate
 from frischid.motions.trajectory import random_fourier
@@ -24,6 +24,10 @@ STEP, LOWPASS = 0.004, LowPass(5.0)
 T = STEP * np.arange(15_000)
 MOTION = 20 * np.sin(2 * np.pi * 0.3 * T) + 5 * np.sign(np.sin(2 * np.pi * 0.4 * T))  # gravity, and dry friction
 FRICTION = {"fv": 0.5, "fc": 1.0, "off": 0.2, "Ia": 0.1}
+
+
+def level_within(x, direction, step, lowpass):
+    return torque_noise(x, octaves_above(x, direction, step, lowpass), lowpass)
 
 
 def level(x, lowpass=LOWPASS):

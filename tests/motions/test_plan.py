@@ -17,13 +17,14 @@ from frischid.effects import BASELINE, Coulomb, RotorInertia, Viscous
 from frischid.errors import InputError, UnknownNameError
 from frischid.logs.readers import read_log
 from frischid.motions.collision import Clearance, body_boxes
+from frischid.motions.families import FAMILIES, Family
 from frischid.motions.limits import Excess, MotionLimits, assumed_limits, nominal_torque, violations
 from frischid.motions.motion_cost import Cost
 from frischid.motions.optimality import CRITERIA, Condition, DOptimal, Paper, criterion_of
 from frischid.motions.optimize import Search
 from frischid.motions.plan import plan
 from frischid.motions.plan_options import PlanOptions
-from frischid.motions.trajectory import FAMILIES, Family, Fourier
+from frischid.motions.trajectory import Fourier
 from frischid.robot.robot import Robot
 from frischid.robot.skeleton import skeleton
 

@@ -5,7 +5,8 @@ import pytest
 from cases import joint, link, made, urdf
 
 from frischid.errors import InputError, UnknownNameError
-from frischid.motions.trajectory import FAMILIES, BSpline, Family, Fourier, Quintic, random_fourier
+from frischid.motions.families import FAMILIES, Family
+from frischid.motions.trajectory import BSpline, Fourier, Quintic, random_fourier
 from frischid.robot.robot import Robot
 
 rng = np.random.default_rng(0)

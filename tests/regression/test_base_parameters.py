@@ -12,7 +12,7 @@ from hypothesis import strategies as st
 from frischid.core.types import Column
 from frischid.effects import BASELINE
 from frischid.errors import IdentifiabilityError, InputError
-from frischid.regression.base_parameters import Reduction, reduce, root_of
+from frischid.regression.base_parameters import Reduction, reduce
 from frischid.regression.regressor import Regressor
 from frischid.regression.structure import structure
 from frischid.robot.robot import Robot
@@ -110,11 +110,10 @@ def test_partition_and_mapping_of_a_planted_structure():
     assert len(r.singular_values) == 5
 
 
-@pytest.mark.parametrize("moments", [False, True])
 @pytest.mark.parametrize("name", ARMS)
-def test_arms_have_the_known_number_of_base_parameters(name, moments):
+def test_arms_have_the_known_number_of_base_parameters(name):
     W, columns = arm(name, seed=0)
-    r = reduce(root_of(W.T @ W) if moments else W, columns)
+    r = reduce(W, columns)
     assert r.rank == len(r.base) == len(r.expressions()) == len(r.base_columns()) == ARMS[name][1]
     assert r.gap > 1e6
     assert explains(W, r) < 1e-10
@@ -127,11 +126,10 @@ def test_the_choice_does_not_depend_on_the_log(name):
     first = reduce(*arm(name, seed=0, drives=True))
     for seed in (1, 2, 3):
         W, columns = arm(name, seed, drives=True)
-        for root in (W, root_of(W.T @ W)):
-            other = reduce(root, columns)
-            assert same_choice(first, other)
-            assert other.expressions() == first.expressions()
-            assert other.mapping == pytest.approx(first.mapping, abs=1e-9)
+        other = reduce(W, columns)
+        assert same_choice(first, other)
+        assert other.expressions() == first.expressions()
+        assert other.mapping == pytest.approx(first.mapping, abs=1e-9)
 
 
 def test_roughly_written_angles_leave_no_parameter_of_their_own():
@@ -194,10 +192,9 @@ def test_planted_integer_relations_are_recovered(seed, independent, dependent, n
     assert r.mapping == pytest.approx(np.linalg.solve(truth[:, r.base], truth), abs=1e-9)
     alone = [j for j in range(len(columns)) if np.linalg.matrix_rank(np.delete(truth, j, 1)) < independent]
     assert r.absolute == tuple(alone)
-    # Another motion, other weights, and moments instead of W, but the same structure.
+    # Another motion and other weights, but the same structure.
     other = rng.normal(size=(60, independent)) * rng.uniform(0.2, 5.0, independent) @ truth
     assert same_choice(r, reduce(other, columns))
-    assert same_choice(r, reduce(root_of(other.T @ other), columns))
 
 
 @pytest.mark.parametrize("factor", [1e-6, 1e6])
@@ -309,23 +306,6 @@ def test_errors_say_what_is_wrong():
         reduce(np.zeros_like(W), columns)
     with pytest.raises(IdentifiabilityError):
         reduce(np.zeros((4, 0)), ())
-    with pytest.raises(InputError, match="square"):
-        root_of(W)
-    with pytest.raises(InputError, match="negative eigenvalue"):
-        root_of(np.array([[1.0, 2.0], [2.0, 1.0]]))
-
-
-@settings(deadline=None, max_examples=30)
-@given(seed=st.integers(0, 10_000), count=st.integers(1, 20), rank=st.integers(1, 20))
-def test_root_of_squares_to_the_moments(seed, count, rank):
-    rng = np.random.default_rng(seed)
-    norms = 10.0 ** rng.uniform(-6, 6, count) * (rng.random(count) > 0.1)
-    W = rng.normal(size=(50, min(rank, count))) @ rng.normal(size=(min(rank, count), count)) * norms
-    moments = W.T @ W
-    root = root_of(moments)
-    assert root.shape == (count, count)
-    scale = np.linalg.norm(W, axis=0)
-    assert np.all(np.abs(root.T @ root - moments) <= 1e-13 * np.outer(scale, scale))
 
 
 def test_a_matrix_for_which_divide_and_conquer_does_not_converge():

@@ -9,7 +9,7 @@ from rich.markup import escape
 from frischid.cli.pages.page import Page, figure, table_of
 from frischid.core.text import percent
 from frischid.errors import NoBodyError
-from frischid.model.payload_identification import IdentifiedPayload
+from frischid.model.identified_payload import IdentifiedPayload
 
 BODY_UNITS = {"mass": "kg"} | dict.fromkeys("xyz", "m")
 

@@ -34,7 +34,7 @@ COLUMNS = {
 
 @dataclass(frozen=True)
 class Correction:
-    """What undoes the faults of logs.
+    """The mapping file or robot that undoes the faults of logs.
 
     Attributes
     ----------
@@ -162,7 +162,9 @@ def _joints(joints: Mapping[str, Mapping[str, float]]) -> list[Any]:
     table = table_of("joint", *(COLUMNS[key] for key in there))
     for name, values in joints.items():
         table.add_row(name, *(figure(float(f"{values[key]:.2g}")) if key in values else "–" for key in there))
-    words = "  standstill: share of the samples at rest; noise in the channels' units, lag in s"
+    words = (
+        "  standstill: share of the samples in which the joint does not move; noise in the channels' units, lag in s"
+    )
     if "nominal_nrmse" in there:
         words += (
             "; the last three columns are NRMSE: of friction alone, of the URDF's links with fitted friction, and of "

@@ -100,7 +100,7 @@ def links(model: Model, found: Consistency | None = None) -> Table:
 
 
 def _free(model: Model) -> list[str]:
-    """What a free parameter means, if there is one."""
+    """The meaning of a free parameter, if there is one."""
     if not any(free_parameters(model).values()):
         return []
     return [

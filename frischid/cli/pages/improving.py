@@ -149,7 +149,7 @@ def added(step: Step, output: str) -> Page:
 
 
 def exports(reach: Sequence[Reach]) -> dict[str, Any]:
-    """What each format holds of a model, as plain JSON values."""
+    """The part of a model that each format holds, as plain JSON values."""
     return {x.format: x.to_dict() for x in reach}
 
 

@@ -1,4 +1,4 @@
-"""What a model knows of the drives of its joints, as a table."""
+"""The drives of a model's joints, as a table."""
 
 from __future__ import annotations
 
@@ -66,7 +66,7 @@ def _cell(x: DriveParameter | None) -> str:
 
 
 def amperes(found: Sequence[JointCurrents], robot: Robot) -> Table:
-    """What each joint draws, in amperes."""
+    """The current of each joint, in amperes."""
     slides = dict(zip(robot.joints, robot.prismatic.tolist(), strict=True))
     viscous, rotor = (_units(f"{unit}/{'m' if slides[x.joint] else 'rad'}" for x in found) for unit in ("A·s", "A·s²"))
     table = table_of("current of", f"viscous {viscous}", "Coulomb A", f"rotor {rotor}", "to hold still A")

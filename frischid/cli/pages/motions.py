@@ -152,12 +152,13 @@ def _nearest(near: Nearest) -> dict[str, Any]:
 
 def _ways(planned: Plan, motion: Programme) -> str:
     if motion.approach:
-        ways = f"from the home pose to the motion: {motion.approach:.3g} s; back: {motion.back:.3g} s; at rest between"
+        said = f"from the home pose to the motion: {motion.approach:.3g} s; back: {motion.back:.3g} s"
+        ways = f"{said}; at standstill between"
         kept = not any(v.kind == "position" for v in planned.violations)  # then only a way goes beyond
         beyond = [p.joint for p in motion.peaks if p.kind == "position" and p.value > p.limit and kept]
         return f"{ways}; the ways use the URDF's whole range of {listed(beyond)}" if beyond else ways
     first = ", ".join(f"{x:.3g}" for x in motion(np.zeros(1))[0][0])
-    return f"the motion begins and ends at rest; move the robot to ({first}) first, or give --home"
+    return f"the motion begins and ends at standstill; move the robot to ({first}) first, or give --home"
 
 
 def simulated(log: Log, output: str, noisy: bool) -> Page:

@@ -138,7 +138,7 @@ def _names(error: Headline) -> list[str]:
 
 
 def _logs(study: Study) -> str:
-    """What a command to copy says of the logs: nothing where the model's own serve, which its file names.
+    """The logs in a command to copy: nothing where the model's own serve, which its file names.
 
     Where the robot changed, the new logs select. They are named with their mapping files; a log without a file is not.
     """

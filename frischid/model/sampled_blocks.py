@@ -1,4 +1,4 @@
-"""Samples in memory of logs of any length: stretches spread evenly over all of them."""
+"""A sample of the blocks of logs of any length: stretches spread evenly over all logs, in bounded memory."""
 
 from __future__ import annotations
 
@@ -11,7 +11,7 @@ CONSECUTIVE_SAMPLES = 1000  # filtered samples kept or left out together, so tha
 SAMPLES_KEPT = 60_000  # filtered samples in memory: an hour of motion at usual cut-offs, 20 MB for a six-joint arm
 
 
-class KeptBlocks:
+class SampledBlocks:
     """Blocks in memory, in stretches spread evenly over the logs: all of them, or every second, fourth, ... stretch.
 
     Where a model fails is judged on at most `SAMPLES_KEPT` samples; the errors themselves are sums over all.
