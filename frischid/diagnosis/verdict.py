@@ -21,9 +21,11 @@ from __future__ import annotations
 
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, replace
+from functools import cached_property
 from typing import Literal
 
 import numpy as np
+from numpy.typing import NDArray
 
 from frischid.core.text import about, listed
 from frischid.core.types import Array
@@ -92,6 +94,12 @@ class StageResults:
         before, after = self.validator.predictive_nrmse(), self.ranking.full.predictive_nrmse()
         return float((before**2 - after**2).sum())
 
+    @cached_property
+    def at_reversals(self) -> NDArray[np.bool_]:
+        """Joints whose error is only at reversals and standstill, with the effects that entered or without, (J,)."""
+        with_effects, without = (only_at_reversals(x, self.floor) for x in (self.ranking.full, self.validator))
+        return np.asarray(with_effects | without)
+
 
 def decided(results: StageResults, *, by_twin: bool = False) -> Verdict:
     """The verdict, before a refit of all parameters is considered; `by_twin`: the healthy twin's error counts as noise.
@@ -110,7 +118,7 @@ def decided(results: StageResults, *, by_twin: bool = False) -> Verdict:
     residual = np.minimum(residual, validator.predictive_nrmse())  # an effect may raise another joint's error
     floor = results.least if by_twin else results.floor
     asks = asks_for_explanation(residual, floor / validator.spread, validator)
-    asks &= ~(only_at_reversals(full, results.floor) | only_at_reversals(validator, results.floor))
+    asks &= ~results.at_reversals
     unexplained = float(np.where(asks, residual**2 - noise**2, 0.0).max())
     if not sure:
         return "unknown" if unexplained > 0 else "none"
@@ -135,8 +143,9 @@ def notes_on(
             "constant would. The logs are too short or move too little to judge the model; record longer ones"
         )
     asks = asks_for_explanation(full.predictive_nrmse(), results.floor / full.spread, full)
-    if verdict == "none" and asks.any():  # then all of the error is at reversals
-        where = listed([name for name, here in zip(full.joints, asks, strict=True) if here])
+    # The probabilities may conclude "none" beside an error that is in motion too.
+    if verdict == "none" and (asks & results.at_reversals).any():
+        where = listed([name for name, here in zip(full.joints, asks & results.at_reversals, strict=True) if here])
         notes.append(
             f"the residual error of {where} is at reversals and standstill, where dry friction is undetermined"
         )
