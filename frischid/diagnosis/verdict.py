@@ -273,7 +273,7 @@ def without_imitator(findings: Sequence[Finding], imitator: str, unmodelled: Unm
 def with_probability(
     findings: Sequence[Finding], probabilities: Mapping[str, float], together: float
 ) -> tuple[Finding, ...]:
-    """The findings, each with its probability; of those that are called missing the most probable stands first.
+    """The findings, each with its probability: those that are called missing, the most probable first, then the others.
 
     Two effects that a robot lacks share the probability with the rivals of each. So each of the other findings stands
     by its probability, or by its share of the explained error that no other finding explains, where that is larger.
@@ -286,13 +286,10 @@ def with_probability(
         Error that all effects that entered explain, in summed squared NRMSE.
     """
     found = [replace(f, probability=probabilities.get(f.effect, 0.0)) for f in findings]
-    places = [k for k, f in enumerate(found) if f.significant]
-    named = [found[k] for k in places]
+    named = [f for f in found if f.significant]
     first = max(named, key=lambda f: f.probability, default=None)
     ordered = sorted(named, key=lambda f: (f is not first, -max(f.probability, f.own / max(together, 1e-300))))
-    for k, finding in zip(places, ordered, strict=True):
-        found[k] = finding
-    return tuple(found)
+    return (*ordered, *(f for f in found if not f.significant))
 
 
 def with_verdict(
