@@ -24,7 +24,8 @@ LOOKS = {"frisch": ("#a6d5f5", 11.0), "bbrf": (COLOURS[4], 7.0), "sensorwise": (
 FURTHEST = 6.0  # decades of standard errors that are drawn
 NEAR = {"1": 1.0, "2": 2.0, "5": 5.0, "10": 10.0}
 FAR = {"10": 1e1, "100": 1e2, "10⁴": 1e4, "10⁶": 1e6}
-"""Labelled distances, for bars within ten standard errors and for longer ones."""
+FARTHEST = {"100": 1e2, "10⁴": 1e4, "10⁶": 1e6}
+"""Labelled distances, for bars within ten standard errors, for longer ones, and for those beyond ten thousand."""
 
 
 def title(method: str) -> str:
@@ -82,7 +83,8 @@ def intervals(model: Model, nominal: Array | None = None, truth: Array | None = 
 
 def _ticks(drawn: Array) -> dict[str, float]:
     """Labels of the scale and their places, sparse enough for a small screen."""
-    sizes = NEAR if np.nanmax(np.abs(drawn)) < scaled(np.array(10.0)) else FAR
+    longest = np.nanmax(np.abs(drawn))
+    sizes = NEAR if longest < scaled(np.array(10.0)) else FAR if longest < scaled(np.array(1e4)) else FARTHEST
     sides = [(name, float(scaled(np.array(x)))) for name, x in sizes.items()]
     return {"0": 0.0} | dict(sides) | {f"−{name}": -x for name, x in sides}
 

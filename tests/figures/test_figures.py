@@ -280,3 +280,15 @@ def test_numbers_on_strong_colours_can_be_read(case):
 
 def test_prose_is_typeset():
     assert typeset("removes 18% of -3 N, k = -2 rad") == ("removes 18\u00a0% of −3\u00a0N, k\u00a0=\u00a0−2\u00a0rad")
+
+
+@pytest.mark.parametrize("furthest", [900.0, 9e3, 3e4, 3e5])
+def test_labels_of_the_bounds_do_not_cover_each_other_on_a_phone(case, furthest):
+    """On the LBR's page −10 and −100 had covered each other: 300 pixels hold labels a ninth of them apart."""
+    model = case[0]
+    e = model.estimate
+    box = Box(tuple(c.name for c in e.columns), e.theta - furthest * e.stderr, e.theta + furthest * e.stderr)
+    axis = figures.intervals(replace(model, bounds={"frisch": box})).figure.layout.xaxis
+    reach = float(scaled(np.array(furthest)))
+    places = sorted(x for x in axis.tickvals if abs(x) <= reach)
+    assert np.diff(places).min() > 2 * reach / 9
