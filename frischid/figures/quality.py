@@ -52,8 +52,9 @@ def reach(robot: Robot, logs: Sequence[Quality]) -> Drawing:
     bounded = np.isfinite(limits.upper - limits.lower) & (limits.upper > limits.lower)
     if bounded.any():
         k = int(np.where(bounded, share, np.inf).argmin())
-        least = "uses least of its range," if len(names) > 1 else "uses of its range"
-        reading = f"{robot.joints[k]} {least} {100 * share[k]:.0f} %; outside, the model is not tested."
+        used = f"{100 * share[k]:.0f} %"
+        how = f"uses least of its range, {used}" if len(names) > 1 else f"uses {used} of its range"
+        reading = f"{robot.joints[k]} {how}; outside, the model is not tested."
     else:
         reading = "The URDF limits no position."
     return drawing("Positions reached", reading, figure, 140 + 26 * len(names))
