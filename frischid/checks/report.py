@@ -109,6 +109,7 @@ def inspect(
     def sketch() -> Sketch | None:
         with suppress(InputError):  # `identify` refuses a log that is too short for the filters
             motions = prepare(log, coarse).motions if prepared is None else prepared[1]
+            notes.per_joint("standstill", np.concatenate([m.standstill for m in motions]).mean(axis=0))
             return Sketch.of(robot, motions, coarse, _rows(log, notes), criteria)
         return None
 
@@ -167,7 +168,6 @@ def _rows(log: Log, notes: Notebook) -> list[str]:
 def _dynamics(
     log: Log, sketch: Sketch, reduction: Callable[[], Reduction], notes: Notebook, alone: bool, brief: bool
 ) -> None:
-    notes.per_joint("standstill", 1 - sketch.used.mean(axis=0))
     if len(sketch.rows) == 0 or len(sketch) < notes.criteria.fewest_samples:
         return
 

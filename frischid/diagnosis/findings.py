@@ -20,6 +20,7 @@ from frischid.core.text import about, listed, percent
 from frischid.diagnosis.criteria import DIAGNOSIS_CRITERIA, DiagnosisCriteria
 from frischid.effects import EFFECTS, Effect
 from frischid.effects.notation import stated_choices
+from frischid.model.parameters import joint_numbers
 from frischid.robot.robot import Robot
 
 OLD_PARAMETERS = "old_parameters"
@@ -238,6 +239,10 @@ class Finding:
                 (f"{k}{where}", x, f"{member.unit(k, robot)}{_edge(member, k, x)}".strip()) for k, x in shape.items()
             ]
         return values
+
+    def joint_numbers(self, robot: Robot) -> str:
+        """Which joints the numbers in the names of `found` mean; empty where their names end with the number."""
+        return joint_numbers({n for member in self.members for n in member.joints or ()}, robot.numbers)
 
     def to_dict(self) -> dict[str, Any]:
         """Plain JSON values.

@@ -21,9 +21,11 @@ from __future__ import annotations
 
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, replace
+from functools import cached_property
 from typing import Literal
 
 import numpy as np
+from numpy.typing import NDArray
 
 from frischid.core.text import about, listed
 from frischid.core.types import Array
@@ -92,6 +94,12 @@ class StageResults:
         before, after = self.validator.predictive_nrmse(), self.ranking.full.predictive_nrmse()
         return float((before**2 - after**2).sum())
 
+    @cached_property
+    def at_reversals(self) -> NDArray[np.bool_]:
+        """Joints whose error is only at reversals and standstill, with the effects that entered or without, (J,)."""
+        with_effects, without = (only_at_reversals(x, self.floor) for x in (self.ranking.full, self.validator))
+        return np.asarray(with_effects | without)
+
 
 def decided(results: StageResults, *, by_twin: bool = False) -> Verdict:
     """The verdict, before a refit of all parameters is considered; `by_twin`: the healthy twin's error counts as noise.
@@ -110,7 +118,7 @@ def decided(results: StageResults, *, by_twin: bool = False) -> Verdict:
     residual = np.minimum(residual, validator.predictive_nrmse())  # an effect may raise another joint's error
     floor = results.least if by_twin else results.floor
     asks = asks_for_explanation(residual, floor / validator.spread, validator)
-    asks &= ~(only_at_reversals(full, results.floor) | only_at_reversals(validator, results.floor))
+    asks &= ~results.at_reversals
     unexplained = float(np.where(asks, residual**2 - noise**2, 0.0).max())
     if not sure:
         return "unknown" if unexplained > 0 else "none"
@@ -135,8 +143,9 @@ def notes_on(
             "constant would. The logs are too short or move too little to judge the model; record longer ones"
         )
     asks = asks_for_explanation(full.predictive_nrmse(), results.floor / full.spread, full)
-    if verdict == "none" and asks.any():  # then all of the error is at reversals
-        where = listed([name for name, here in zip(full.joints, asks, strict=True) if here])
+    # The probabilities may conclude "none" beside an error that is in motion too.
+    if verdict == "none" and (asks & results.at_reversals).any():
+        where = listed([name for name, here in zip(full.joints, asks & results.at_reversals, strict=True) if here])
         notes.append(
             f"the residual error of {where} is at reversals and standstill, where dry friction is undetermined"
         )
@@ -264,7 +273,7 @@ def without_imitator(findings: Sequence[Finding], imitator: str, unmodelled: Unm
 def with_probability(
     findings: Sequence[Finding], probabilities: Mapping[str, float], together: float
 ) -> tuple[Finding, ...]:
-    """The findings, each with its probability; of those that are called missing the most probable stands first.
+    """The findings, each with its probability: those that are called missing, the most probable first, then the others.
 
     Two effects that a robot lacks share the probability with the rivals of each. So each of the other findings stands
     by its probability, or by its share of the explained error that no other finding explains, where that is larger.
@@ -277,13 +286,10 @@ def with_probability(
         Error that all effects that entered explain, in summed squared NRMSE.
     """
     found = [replace(f, probability=probabilities.get(f.effect, 0.0)) for f in findings]
-    places = [k for k, f in enumerate(found) if f.significant]
-    named = [found[k] for k in places]
+    named = [f for f in found if f.significant]
     first = max(named, key=lambda f: f.probability, default=None)
     ordered = sorted(named, key=lambda f: (f is not first, -max(f.probability, f.own / max(together, 1e-300))))
-    for k, finding in zip(places, ordered, strict=True):
-        found[k] = finding
-    return tuple(found)
+    return (*ordered, *(f for f in found if not f.significant))
 
 
 def with_verdict(

@@ -20,6 +20,7 @@ from frischid.figures.style import (
     units_of,
 )
 from frischid.model.comparison import Comparison
+from frischid.model.comparison_criteria import COMPARISON_CRITERIA
 from frischid.model.prediction import Prediction
 from frischid.model.residual_conditions import CONDITION_ORDER
 
@@ -74,14 +75,23 @@ def matrix(comparison: Comparison) -> Drawing:
 
 
 def worst(comparison: Comparison, most: int = 1, above: float = 0.0) -> str:
-    """The conditions with the largest errors, more than chance: one sentence each, for NRMSE `above` a bound."""
+    """The conditions with the largest errors, more than chance: one sentence each, for NRMSE `above` a bound.
+
+    A condition whose error is hardly above the joint's average says nothing, however certain (`telling_ratio`).
+    """
     certain = [c for c in comparison.residuals.conditions() if c.p_value < CERTAIN]
     if not certain:
         return "Under no condition is the error of these logs together larger than chance would make it."
-    error = {c: c.ratio * comparison.joints[c.joint].nrmse for c in certain}
+    telling = [c for c in certain if c.ratio >= COMPARISON_CRITERIA.telling_ratio]
+    if not telling:
+        return (
+            "No condition stands out: where the error is larger than chance would make it, it is at most "
+            f"{max(c.ratio for c in certain):.1f} times the joint's average."
+        )
+    error = {c: c.ratio * comparison.joints[c.joint].nrmse for c in telling}
     return " ".join(
         f"{_opening(c.condition)}, the error of {c.joint} is {c.ratio:.1f} times its average."
-        for c in sorted(certain, key=lambda c: -error[c])[:most]
+        for c in sorted(telling, key=lambda c: -error[c])[:most]
         if error[c] > above
     )
 

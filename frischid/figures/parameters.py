@@ -13,6 +13,7 @@ from typing import Any
 import numpy as np
 import plotly.graph_objects as go
 
+from frischid.core.text import counted
 from frischid.core.types import Array
 from frischid.figures.style import BLUE, COLOURS, GREEN, INK, MEASURED, PURPLE, Drawing, drawing, number, plain
 from frischid.model.model import Model
@@ -24,7 +25,8 @@ CLOSING_DRAWN = 6  # parameters whose bounds are drawn over the windows
 FURTHEST = 6.0  # decades of standard errors that are drawn
 NEAR = {"1": 1.0, "2": 2.0, "5": 5.0, "10": 10.0}
 FAR = {"10": 1e1, "100": 1e2, "10⁴": 1e4, "10⁶": 1e6}
-"""Labelled distances, for bars within ten standard errors and for longer ones."""
+FARTHEST = {"100": 1e2, "10⁴": 1e4, "10⁶": 1e6}
+"""Labelled distances, for bars within ten standard errors, for longer ones, and for those beyond ten thousand."""
 
 
 def title(method: str) -> str:
@@ -75,14 +77,15 @@ def intervals(model: Model, nominal: Array | None = None, truth: Array | None = 
     figure.update_yaxes(
         range=[len(names) - 0.4, -0.6], tickfont={"size": 10}, showgrid=False, tickmode="array", tickvals=names
     )
-    reading = "A short bar means that the parameter is well known. " + _widths(model, unit)
+    reading = f"A short bar means that the parameter is well known. {_widths(model, unit)}{_no_bound(model)}"
     layout = {"margin": {"l": 70, "r": 10, "t": 56, "b": 44}}
     return drawing("Bounds of every parameter around its estimate", reading, figure, 120 + 17 * len(names), **layout)
 
 
 def _ticks(drawn: Array) -> dict[str, float]:
     """Labels of the scale and their places, sparse enough for a small screen."""
-    sizes = NEAR if np.nanmax(np.abs(drawn)) < scaled(np.array(10.0)) else FAR
+    longest = np.nanmax(np.abs(drawn))
+    sizes = NEAR if longest < scaled(np.array(10.0)) else FAR if longest < scaled(np.array(1e4)) else FARTHEST
     sides = [(name, float(scaled(np.array(x)))) for name, x in sizes.items()]
     return {"0": 0.0} | dict(sides) | {f"−{name}": -x for name, x in sides}
 
@@ -114,10 +117,23 @@ def _widths(model: Model, unit: Array) -> str:
     )
 
 
+def _no_bound(model: Model) -> str:
+    """A sentence where the classical box is no bound: a parameter with a box around zero changes its sign."""
+    box = model.bounds.get("frisch")
+    changing = 0 if box is None else int(((box.lower < 0) & (box.upper > 0)).sum())
+    if not changing:
+        return ""
+    return (
+        f" {title('frisch')} is no bound here: its theorem needs equal signs in all least-squares solutions, and "
+        f"{changing} of {counted(len(model.estimate.columns), 'parameter')} change"
+        f"{'s' * (changing == 1)} the sign."
+    )
+
+
 def closing(model: Model) -> list[Drawing]:
     """BBRF's bounds over the windows, for the parameters whose bounds shrink most (the paper's Figure 3)."""
-    record = recursion_of(model)
-    if record is None:
+    identified = _with_recursion(model)
+    if identified is None or (record := identified.recursion) is None:
         return []
     lower, upper = (np.array(record[k], dtype=float) for k in ("lower", "upper"))
     if len(lower) < 2:
@@ -126,7 +142,9 @@ def closing(model: Model) -> list[Drawing]:
         first = np.array([_first_finite(w) for w in (upper - lower).T])
         ratio = np.where(first > 0, (upper - lower)[-1] / first, np.inf)
     chosen = [int(i) for i in np.argsort(ratio, kind="stable")[:CLOSING_DRAWN] if np.isfinite(ratio[i])]
-    values = dict(zip((c.name for c in model.estimate.columns), model.estimate.theta, strict=True))
+    # The bounds are those of the identified model, and so is the estimate: added effects change its parameters.
+    e, whose = identified.estimate, "the estimate" if identified is model else "the identified model's estimate"
+    values = dict(zip((c.name for c in e.columns), map(float, e.theta), strict=True))
     drawings = []
     for i in chosen:
         name = record["names"][i]
@@ -138,15 +156,17 @@ def closing(model: Model) -> list[Drawing]:
                 x=[s + 1 for s in record["steps"]], y=plain(bound[:, i]), name=side, mode="lines",
                 line={"color": BLUE, "dash": dash, "width": 2, "shape": "hv"},
             )  # fmt: skip
+        value = values.get(name, middle)
         if name in values:
-            figure.add_hline(y=float(values[name]), line={"color": MEASURED, "dash": "dot"})
+            figure.add_hline(y=value, line={"color": MEASURED, "dash": "dot"})
         figure.update_xaxes(title_text="windows so far", type="log", dtick=1)
-        # The first windows' bounds are a thousand times wider: the axis shows the last ones.
-        figure.update_yaxes(title_text=f"{name}, {record['units'][i]}", range=[middle - 5 * final, middle + 5 * final])
+        # The first windows' bounds are a thousand times wider: the axis shows the last ones, and the estimate.
+        reach = [min(middle - 5 * final, value - final), max(middle + 5 * final, value + final)]
+        figure.update_yaxes(title_text=f"{name}, {record['units'][i]}", range=reach)
         drawings.append(
             drawing(
                 f"{name}: BBRF's bounds over the windows",
-                f"From {number(first[i], 3)} to {number(final, 3)} {record['units'][i]} wide; dotted: the estimate.",
+                f"From {number(first[i], 3)} to {number(final, 3)} {record['units'][i]} wide; dotted: {whose}.",
                 figure, 240, margin={"l": 70, "r": 8, "t": 30, "b": 46},
             )
         )  # fmt: skip
@@ -155,12 +175,16 @@ def closing(model: Model) -> list[Drawing]:
 
 def recursion_of(model: Model) -> dict[str, Any] | None:
     """The recursion's record of this model, or of the model that this one was refitted from."""
+    found = _with_recursion(model)
+    return None if found is None or found.recursion is None else dict(found.recursion)
+
+
+def _with_recursion(model: Model) -> Model | None:
+    """The model, or the one that it was refitted from, that has the recursion's record."""
     at: Model | None = model
-    while at is not None:
-        if at.recursion is not None:
-            return dict(at.recursion)
+    while at is not None and at.recursion is None:
         at = at.previous
-    return None
+    return at
 
 
 def _first_finite(width: Array) -> float:

@@ -52,9 +52,9 @@ def reach(robot: Robot, logs: Sequence[Quality]) -> Drawing:
     bounded = np.isfinite(limits.upper - limits.lower) & (limits.upper > limits.lower)
     if bounded.any():
         k = int(np.where(bounded, share, np.inf).argmin())
-        reading = (
-            f"{robot.joints[k]} uses least of its range, {100 * share[k]:.0f} %; outside, the model is not tested."
-        )
+        used = f"{100 * share[k]:.0f} %"
+        how = f"uses least of its range, {used}" if len(names) > 1 else f"uses {used} of its range"
+        reading = f"{robot.joints[k]} {how}; outside, the model is not tested."
     else:
         reading = "The URDF limits no position."
     return drawing("Positions reached", reading, figure, 140 + 26 * len(names))
@@ -89,6 +89,7 @@ def noise(robot: Robot, logs: Sequence[Quality], channel: Literal["tau", "q"]) -
     k = int(np.nanargmax(level))
     own = units_of(bool(robot.prismatic[k]))["load" if channel == "tau" else "q"]
     usually = "; median over the logs" if len(logs) > 1 else ""
-    most = f"{robot.joints[k]} is the noisiest ({number(level[k], 2)} {own}{usually})"
+    how = f"{number(level[k], 2)} {own}{usually}"
+    most = f"{robot.joints[k]} is the noisiest ({how})" if len(names) > 1 else f"The noise of {robot.joints[k]}: {how}"
     reading = f"{most}. One mark per log, before any filter."
     return drawing(f"White noise of the measured {word}", reading, figure, 140 + 26 * len(names))

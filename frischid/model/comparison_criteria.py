@@ -15,6 +15,9 @@ class ComparisonCriteria:
     condition_samples : int
         Samples inside and outside of a condition. With fewer, its error is not stated, because a mean square of so few
         samples varies by a third and more.
+    telling_ratio : float
+        Error under a condition over the joint's own error, from which a sentence names the condition. A smaller
+        rise may be more than chance, and does not say where a model fails.
     dependence_samples : int
         Independent samples. With fewer, no dependence is stated. At this number Chatterjee's test is on the safe side.
     reversal_seconds : float
@@ -49,6 +52,7 @@ class ComparisonCriteria:
     """
 
     condition_samples: int = 20
+    telling_ratio: float = 1.25
     dependence_samples: int = 10
     reversal_seconds: float = 0.2
     quarter: float = 0.25

@@ -45,6 +45,8 @@ from frischid.regression.regressor import Regressor
 
 STATES = 400
 """States per motion along which two fits are compared: enough for a mean square, cheap to evaluate."""
+HARDLY_PREDICTED = "is hardly predicted at all"
+"""Words of a warning that holds for the identified model; added effects may end it."""
 REACHED = 0.99
 """Share of the samples that lie within the fitted range: single jerks do not widen it."""
 
@@ -251,7 +253,7 @@ def unpredicted(names: Sequence[str], limit: float, explained: Collection[str]) 
     explained : collection of str
         Joints whose torque a fault explains that another warning names.
     """
-    said = "is hardly predicted at all (cross-validated NRMSE above"
+    said = f"{HARDLY_PREDICTED} (cross-validated NRMSE above"
     known, open_ = [n for n in names if n in explained], [n for n in names if n not in explained]
     asked = "are columns swapped, a sign flipped, an angle in degrees, or a channel dead?"
     why = "a fault that another warning names may be the reason"

@@ -24,6 +24,7 @@ from frischid.logs.poses import poses_of
 from frischid.logs.preprocessing import Motion, prepare
 from frischid.logs.time_grid import retimed
 from frischid.logs.wraps import unwrapped
+from frischid.model.answered_issues import is_answered
 from frischid.model.model import Model
 from frischid.regression.regressor import Regressor
 from frischid.regression.structure import structure
@@ -55,6 +56,8 @@ class Quality:
         Share of the samples at standstill.
     notes, warnings : tuple of str
         Changes of the log's data, and suspicious findings.
+    answered : tuple of str
+        Suspicious findings that effects of the model answer (`frischid.model.answered_issues`).
     """
 
     source: str
@@ -72,10 +75,11 @@ class Quality:
     standstill: Array
     notes: tuple[str, ...]
     warnings: tuple[str, ...]
+    answered: tuple[str, ...] = ()
 
     def to_dict(self) -> dict[str, Any]:
         """Plain JSON values."""
-        values = {k: x.tolist() if isinstance(x, np.ndarray) else x for k, x in vars(self).items()}
+        values = {k: x.tolist() if isinstance(x, np.ndarray) else x for k, x in vars(self).items() if k != "answered"}
         noise = {k: [None if np.isnan(s) else float(s) for s in x] for k, x in self.noise.items()}
         return values | {"noise": noise, "notes": list(self.notes), "warnings": list(self.warnings)}
 
@@ -121,6 +125,7 @@ def _judge(model: Model, given: Excerpt) -> Quality:
         lambda: structure(Regressor(model.robot, BASELINE), model.robot.joints),
         prepared=(model.lowpass, motions if given.first is log else motions[:1]),
     )
+    issues = [issue for issue in report.issues if issue.kind not in UNDONE]
     return Quality(
         log.source,
         given.samples,
@@ -136,7 +141,8 @@ def _judge(model: Model, given: Excerpt) -> Quality:
         np.abs(stacked["a"]).max(axis=0),
         stacked["standstill"].mean(axis=0),
         (*log.notes, *prepared.notes),
-        tuple(issue.short for issue in report.issues if issue.kind not in UNDONE),
+        tuple(issue.short for issue in issues if not is_answered(model, issue)),
+        tuple(issue.short for issue in issues if is_answered(model, issue)),
     )
 
 

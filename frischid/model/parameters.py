@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 import re
-from collections.abc import Mapping, Sequence
+from collections.abc import Collection, Mapping, Sequence
 from typing import NamedTuple
 
 from frischid.core.named_sequence import NamedSequence
@@ -60,8 +60,12 @@ def numbering(estimate: Estimate, numbers: Mapping[str, int]) -> str:
     >>> numbering(fr.identify(robot, [log], recursion="none").model.estimate, robot.numbers)
     'numbers in names of parameters: 1 is elbow_joint, 2 is wrist_1_joint'
     """
-    named = {c.joint for c in estimate.columns}
-    found = {name: k for name, k in numbers.items() if name in named}
+    return joint_numbers({c.joint for c in estimate.columns}, numbers)
+
+
+def joint_numbers(joints: Collection[str], numbers: Mapping[str, int]) -> str:
+    """Which of these joints the number in a parameter's name means; empty where their names end with it."""
+    found = {name: k for name, k in numbers.items() if name in joints}
     if all(re.findall(r"\d+", name)[-1:] == [str(k)] for name, k in found.items()):
         return ""
     return f"numbers in names of parameters: {', '.join(f'{k} is {name}' for name, k in found.items())}"

@@ -59,7 +59,7 @@ def table_1() -> PaperTable:
             "The authors' code holds two arms, one for Table 2 and one for Tables 3 and 4. The noise "
             "of their code is a tenth of the text's.",
             "With r1x = 0.25 in a frame at the rod's end, link 1 has an inertia of −0.846 kg·m² about its centre of "
-            "mass. `planar2_paper` is an arm that can exist and has the same nine base parameters.",
+            "mass. planar2_paper is an arm that can exist and has the same nine base parameters.",
         ),
         {"rows": [row._asdict() for row in TABLE_1]},
     )

@@ -25,7 +25,8 @@ from frischid.logs.excerpt import as_recording, excerpt
 from frischid.logs.log import Log
 from frischid.logs.recording import Recording
 from frischid.model.comparison import Comparison, compare
-from frischid.model.headline import Headline, headline
+from frischid.model.headline import Headline, cross_validated, headline
+from frischid.model.identification_alarms import HARDLY_PREDICTED
 from frischid.model.identification_criteria import IdentificationCriteria
 from frischid.model.log_quality import Quality, quality
 from frischid.model.model import Model
@@ -153,9 +154,17 @@ class Study:
         if self.impossible and all(alarm.id != "impossible-sign" for alarm in self.headline.alarms):
             found.append(f"The sign of {listed(self.impossible)} is physically impossible.")
         of_logs = [f"{Path(q.source).name}: {w}" for q in self.qualities for w in q.warnings]
-        earlier = [self.brief(w) for w in identified.get("warnings", ())]
-        found += [f"At identification: {w}" for w in earlier if w not in of_logs]
+        answered = {f"{Path(q.source).name}: {w}" for q in self.qualities for w in q.answered}
+        earlier = [self.brief(w) for w in identified.get("warnings", ()) if not self._ended(w, identified, limit)]
+        found += [f"At identification: {w}" for w in earlier if w not in of_logs and w not in answered]
         return list(dict.fromkeys([*found, *of_logs]))
+
+    def _ended(self, warning: str, identified: Mapping[str, Any], limit: float) -> bool:
+        """Whether a warning of joints that the identified model hardly predicted holds no more, after added effects."""
+        now = cross_validated(self.model.history[-1])
+        if HARDLY_PREDICTED not in warning or now is None:
+            return False
+        return all(now.joints.get(name, np.inf) <= limit for name in identified.get("unpredicted", ()))
 
     def brief(self, text: str) -> str:
         """A message with the names of its logs instead of their paths, which say nothing elsewhere."""

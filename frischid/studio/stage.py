@@ -19,7 +19,7 @@ from frischid.model.prediction import Prediction
 from frischid.robot.robot import Robot
 from frischid.studio.bench import Bench
 from frischid.studio.bodies import thickness_of, urdf_of
-from frischid.studio.colours import LIT, colour_of
+from frischid.studio.colours import LIT, colour_of, top_of
 from frischid.studio.ghost import Ghost
 from frischid.studio.headline_text import verdict_errors
 from frischid.studio.track import Track
@@ -62,7 +62,7 @@ class Stage:
         self.urdf = urdf_of(robot)
         self.drawn = ViserUrdf(client, self.urdf, root_node_name="/robot")
         self.ghost = Ghost(client, bench, self._drawn_at)
-        self.top = max(0.02, max(verdict_errors(bench.state).values()))
+        self.top = top_of(verdict_errors(bench.state).values())
         self._names = tuple(self.urdf.actuated_joint_names)
         self._fixed = {**dict.fromkeys(self._names, 0.0), **robot.locked}
         size = float(self.urdf.scene.scale) if self.urdf.scene.geometry else 1.0

@@ -10,7 +10,7 @@ from frischid.diagnosis.change_prior import weak_urdf_prior
 from frischid.diagnosis.cross_validation import CrossValidator
 from frischid.diagnosis.effect_ranking import Ranking
 from frischid.diagnosis.reversal_residuals import absent_in_motion, only_at_reversals
-from frischid.diagnosis.verdict import StageResults, decided
+from frischid.diagnosis.verdict import StageResults, decided, notes_on
 from frischid.effects import parse_effects
 from frischid.logs.log import Log
 from frischid.model.identification import identify
@@ -47,6 +47,16 @@ def test_an_error_at_reversals_stays_one_when_an_effect_spreads_it_over_the_moti
     results = StageResults(bare, "always", FLOOR, FLOOR, (), (), Ranking([], spread, spread), None)
     assert decided(results) == "none"
     assert decided(replace(results, validator=spread)) == "unknown"
+
+
+def test_no_note_says_at_reversals_of_an_error_that_is_in_motion_too():
+    """The probabilities may conclude "none" beside such an error; the note on the EMPS was wrong."""
+    loose = loose_reversals(log_of(1), 4, 2.0)
+    for log, said in ((loose, True), (with_wave(loose, 4), False)):
+        validator = CrossValidator.of(healthy(), [log], weak_urdf_prior(healthy()))
+        results = StageResults(validator, "always", FLOOR, FLOOR, (), (), Ranking([], validator, validator), None)
+        notes = notes_on(results, "none", None, {"none": 1.0})
+        assert any("at reversals and standstill" in note for note in notes) == said
 
 
 def late(log: Log, what: str, row: int = 4) -> Log:

@@ -2,6 +2,7 @@
 
 import json
 from dataclasses import replace
+from types import SimpleNamespace
 
 import numpy as np
 import pytest
@@ -11,6 +12,8 @@ from hypothesis import strategies as st
 from frischid import figures
 from frischid.diagnosis.effect_curves import Shape, correlation_ratio
 from frischid.effects import parse_effects
+from frischid.estimators.frisch import Box
+from frischid.figures.failure import worst
 from frischid.figures.parameters import recursion_of, scaled
 from frischid.figures.style import BLACK, INK, POINTS, WHITE, on_scale, thinned, typeset
 from frischid.model.comparison import compare
@@ -19,6 +22,7 @@ from frischid.model.identification import identify
 from frischid.model.log_quality import quality
 from frischid.model.model import Model
 from frischid.model.prediction import predict
+from frischid.model.residual_conditions import Condition
 from frischid.motions.simulation import Noise, simulate
 from frischid.motions.trajectory import random_fourier
 from frischid.robot.robot import Robot
@@ -221,6 +225,52 @@ def test_labels_of_the_bounds_reach_as_far_as_the_bars(case):
         assert sorted(axis.tickvals) == pytest.approx([-x for x in sorted(axis.tickvals, reverse=True)])
 
 
+@pytest.mark.parametrize(("lower", "words"), [(-1.0, "Classical Frisch is no bound here"), (1.0, "median")])
+def test_bounds_say_where_the_theorem_does_not_hold(case, lower, words):
+    """The box is a bound only where no parameter changes its sign; the figure had shown it without a word."""
+    model = case[0]
+    names = tuple(c.name for c in model.estimate.columns)
+    box = Box(names, np.full(len(names), lower), np.full(len(names), 2.0))
+    reading = figures.intervals(replace(model, bounds={"frisch": box})).reading
+    assert words in reading
+    assert ("no bound" in reading) == (lower < 0)
+
+
+def test_the_estimate_beside_the_recursion_is_that_of_the_same_model(case):
+    """An added effect changes old parameters, and their dotted line had left the bounds of the identified model."""
+    model = case[0]
+    moved = replace(model.estimate, theta=model.estimate.theta + 100.0)
+    refitted = replace(model, estimate=moved, recursion=None, previous=model)
+    for shown, whose in ((model, "dotted: the estimate."), (refitted, "dotted: the identified model's estimate.")):
+        drawings = figures.closing(shown)
+        assert drawings
+        for drawing in drawings:
+            name = drawing.title.split(":")[0]
+            (line,) = drawing.figure.layout.shapes
+            assert line.y0 == pytest.approx(model.parameters[name].value)
+            low, high = drawing.figure.layout.yaxis.range
+            assert low < line.y0 < high
+            assert drawing.reading.endswith(whose)
+
+
+def test_a_condition_hardly_worse_than_the_average_is_not_named():
+    """On the TX40 the verdict had ended: "Going backwards, the error of joint_5 is 1.1 times its average"."""
+    joints = {"j": SimpleNamespace(nrmse=0.3)}
+    for ratio, said in ((1.1, "No condition stands out"), (1.5, "At low speed, the error of j is 1.5 times")):
+        found = [Condition("j", "slow", ratio, 0.1, 100, 1e-4), Condition("j", "fast", 1.9, 0.1, 100, 0.5)]
+        residuals = SimpleNamespace(conditions=lambda found=found: found)
+        assert worst(SimpleNamespace(residuals=residuals, joints=joints)).startswith(said)
+
+
+def test_a_robot_of_one_joint_is_not_compared_with_itself():
+    robot = Robot.load("planar2", joints=["joint2"])
+    log = simulate(robot, random_fourier(robot, 20.0, seed=1), rate=100.0, noise=Noise(q=1e-5, tau=0.01), seed=1)
+    data = quality(identify(robot, [log], recursion="none").model, [log])
+    readings = [figures.reach(robot, data).reading, *(figures.noise(robot, data, x).reading for x in ("tau", "q"))]
+    assert all("joint2" in text for text in readings)
+    assert not [text for text in readings if "least" in text or "noisiest" in text]
+
+
 def test_numbers_on_strong_colours_can_be_read(case):
     words = list(figures.matrix(case[3]).figure.select_traces({"mode": "text"}))
     assert len(words) == 1
@@ -230,3 +280,15 @@ def test_numbers_on_strong_colours_can_be_read(case):
 
 def test_prose_is_typeset():
     assert typeset("removes 18% of -3 N, k = -2 rad") == ("removes 18\u00a0% of −3\u00a0N, k\u00a0=\u00a0−2\u00a0rad")
+
+
+@pytest.mark.parametrize("furthest", [900.0, 9e3, 3e4, 3e5])
+def test_labels_of_the_bounds_do_not_cover_each_other_on_a_phone(case, furthest):
+    """On the LBR's page −10 and −100 had covered each other: 300 pixels hold labels a ninth of them apart."""
+    model = case[0]
+    e = model.estimate
+    box = Box(tuple(c.name for c in e.columns), e.theta - furthest * e.stderr, e.theta + furthest * e.stderr)
+    axis = figures.intervals(replace(model, bounds={"frisch": box})).figure.layout.xaxis
+    reach = float(scaled(np.array(furthest)))
+    places = sorted(x for x in axis.tickvals if abs(x) <= reach)
+    assert np.diff(places).min() > 2 * reach / 9

@@ -214,6 +214,24 @@ def test_a_warning_does_not_repeat_an_alarm(spring, monkeypatch):
     assert not any("physically impossible" in text for text in told.warnings())
 
 
+def test_a_warning_that_an_effect_of_the_model_answers_is_out_of_date(spring):
+    """Beside a model with a tilt, the page had said that gravity probably points elsewhere than in the URDF."""
+    found, issue = spring[1], "gravity points along (1, 0, -9.7) m/s² (mounting, likely)"
+    quality, hardly = found.qualities[0], "the torque of joint1 is hardly predicted at all (NRMSE above 0.8): why"
+    of_log = f"{quality.source}: {issue}"
+    (event,) = found.model.history
+    after = {"cross_validated": event["cross_validated"]}
+    before = after["cross_validated"] | {"joints": {"joint1": 0.9, "joint2": 0.1}}
+    event = event | {"warnings": [of_log, hardly], "unpredicted": ["joint1"], "cross_validated": before}
+    for answered in (False, True):
+        texts = {"answered": (issue,)} if answered else {"warnings": (issue,)}
+        model = replace(found.model, history=(event, after)[: 1 + answered])
+        shown = replace(found, model=model, qualities=(replace(quality, **texts),))
+        said = " ".join(shown.warnings())
+        assert ("gravity points" in said) != answered
+        assert ("hardly predicted" in said) != answered
+
+
 def test_a_condition_of_a_joint_with_a_small_error_is_no_place_where_the_model_fails(spring):
     whole = spring[1].comparison
     assert "joint2" in worst(whole, above=whole.nrmse)

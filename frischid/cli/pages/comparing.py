@@ -72,8 +72,9 @@ def error_tables(result: Comparison) -> list[Any]:
         parts += warning_lines([f"the URDF with fitted friction predicts {listed(worse)} better than this model does"])
     if result.standstill > 0:
         parts.append(
-            f"{percent(result.standstill, 1)} of the torque samples are left out: the joint is at standstill, where "
-            f"dry friction is undetermined (NRMSE with them {result.nrmse_with_standstill:.4f})"
+            f"{percent(result.standstill, 1)} of the torque samples are left out: the joint is at standstill there or "
+            "within the filter's reach, where dry friction is undetermined (NRMSE with them "
+            f"{result.nrmse_with_standstill:.4f})"
         )
     return parts
 

@@ -49,7 +49,9 @@ def diagnosis(result: Diagnosis, moved: MotionDiagnosis | None = None) -> Page:
     significant = [f for f in result.findings if f.significant]
     if significant:
         best = significant[0]
-        found = quantities(best.found(result.validator.model.robot))
+        robot = result.validator.model.robot
+        numbers = f" ({said})" if (said := best.joint_numbers(robot)) else ""
+        found = f"{quantities(best.found(robot))}{numbers}"
         confirm = f" Found: {found}. To confirm: {EFFECTS[best.effect].confirmed_by}." if best.effect in EFFECTS else ""
         parts.append(f"{sentence(best.sentence, best.joints)}.{confirm}")
     if len(significant) > 1:

@@ -68,7 +68,7 @@ def _likely(diagnosis: Diagnosis) -> list[tuple[str, float]]:
 
 
 def _row(f: Finding) -> list[str]:
-    evidence = [f.change, f.explains, number(f.gain, 3), percent(f.probability)]
+    evidence = [f.change.replace("-", "−"), f.explains, number(f.gain, 3), percent(f.probability)]
     return [f.effect, ", ".join(f.joints) or "robot", *evidence, ", ".join(f.confused_with) or "–"]
 
 
@@ -97,6 +97,7 @@ def _card(study: Study, finding: Finding, other: str) -> dict[str, Any]:
     values = finding.found(study.model.robot)
     said = ((k, x if isinstance(x, str | bool) else number(x), unit) for k, x, unit in values)
     found = ", ".join(f"{k} = {x} {unit}".rstrip() for k, x, unit in said)
+    found += f" ({numbers})" if (numbers := finding.joint_numbers(study.model.robot)) else ""
     confused = listed(finding.confused_with) or "no other effect on these logs"
     general = f". On other logs: {listed(kind.confused_with)}" if kind.confused_with else ""
     if study.diagnosis is not None:
