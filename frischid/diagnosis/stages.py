@@ -31,12 +31,13 @@ def stages(
             progress("again without the contacts")
             validator = rest
             findings, ranking, noise = find_effects(rest, floor, situation, effects, progress)
-    unmodelled = None if contacts else unmodelled_term(ranking, noise)
+    least = floor.without_effects(noise)
+    unmodelled = None if contacts else unmodelled_term(ranking, noise, least)
     return StageResults(
         validator,
         situation,
         noise,
-        floor.without_effects(noise),
+        least,
         tuple(burst.contact for burst in contacts),
         tuple(findings),
         ranking,
