@@ -20,7 +20,7 @@ import numpy as np
 from frischid.checks.row_fits import RowFits
 from frischid.checks.sketch import Sketch
 from frischid.core.types import Array
-from frischid.robot.stated_inertials import length_order, link_lengths
+from frischid.robot.stated_inertials import sizes_of_links
 
 MASSES = np.geomspace(0.1, 1000.0, 13)
 """Masses M that are tried, kg: three for each power of ten."""
@@ -30,7 +30,7 @@ _NOISE_TURNS = 4  # of the error and the parameters, each from the other
 def evidence_of_other_links(sketch: Sketch) -> float:
     """Log marginal likelihood of the torques, comparable with the score of a hypothesis (`explanation`)."""
     Y, weight = sketch.motion.regressor(), RowFits(sketch).weight
-    size, moments = _sizes(sketch), []
+    size, moments = sizes_of_links(sketch.robot), []
     for k, j in enumerate(sketch.rows):
         use = sketch.used[:, j]
         y = np.column_stack([Y[use, :, j], sketch.tau[use, j]]) / sketch.spread[k]
@@ -38,15 +38,6 @@ def evidence_of_other_links(sketch: Sketch) -> float:
         y -= Q @ (Q.T @ y)
         moments.append(y.T @ y / max(int(use.sum()), 1))
     return max(_evidence(np.array(moments), weight, mass * size, sketch.criteria.urdf_error) for mass in MASSES)
-
-
-def _sizes(sketch: Sketch) -> Array:
-    """Each parameter of the links for a mass of 1 kg: 1, L, L², with L of a rod, (C,)."""
-    robot = sketch.robot
-    lengths = link_lengths(robot)
-    longest = max(lengths.values(), default=0.0) or 1.0
-    rods = np.array([(lengths[robot.numbers[c.joint]] or longest) / np.sqrt(3) for c in robot.columns])
-    return np.asarray(rods ** np.array([length_order(c.name) for c in robot.columns]))
 
 
 def _evidence(moments: Array, weight: Array, spread: Array, floor: float) -> float:

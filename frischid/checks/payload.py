@@ -9,10 +9,13 @@ its centre of mass is within reach. No mass is stated where the motion does not 
 A URDF whose links are too heavy or too light looks like a body too: an error of the last link *is* a body on it. So the
 links' own errors are the rival,
 
-    τ − τ_nominal ≈ Σ_i ε_i Γ_i μ_i + friction,      ε_i ~ N(0, s²),
+    τ − τ_nominal ≈ Σ_i ε_i Γ_i μ_i + friction,      ε_i ~ N(0, s²),      s = 0.1,
 
-with one factor 1 + ε_i per link (s = 0.1). With e_k the error of row k behind each of the
-two and ν_k its degrees of freedom, the body is the better explanation if
+either with one factor 1 + ε_i for the parameters μ_i of each link, or with an ε for each of its ten parameters and
+μ = m, m ℓ, m ℓ² for mass, first moments and inertias, with the link's mass m by the URDF and the ℓ of a rod of its
+length: where the centres of mass are wrong too, no factors explain the torques, and ten numbers on the last link seem
+to. The likelier of these two rivals counts. With e_k the error of row k behind the body or a rival, and ν_k its degrees
+of freedom, the body is the better explanation if
 
     ½ Σ_k ν_k ln(e²_links,k / e²_body,k) + Σ_i ε_i² / (2 s²) + ½ ln det(s² H)  >  cost of a body and of its p numbers.
 
@@ -35,6 +38,7 @@ from frischid.checks.sketch import FRICTION_NUMBERS, Sketch, shared_fit
 from frischid.core.text import percent
 from frischid.core.types import Array
 from frischid.robot.robot import Robot
+from frischid.robot.stated_inertials import sizes_of_links
 
 LEAST_ERROR = 1e-6
 """NRMSE: noise-free logs are not infinitely sure."""
@@ -174,7 +178,7 @@ def beats_links(sketch: Sketch, body: Body) -> bool:
 
 
 def evidence(sketch: Sketch, noise: Array, weight: Array, spread: float, cap: float = np.inf) -> float:
-    """Log marginal likelihood of a sketch whose URDF has errors of its links.
+    """Log marginal likelihood of a sketch whose URDF has errors of its links: of their factors or of all parameters.
 
     Parameters
     ----------
@@ -189,23 +193,27 @@ def evidence(sketch: Sketch, noise: Array, weight: Array, spread: float, cap: fl
     cap : float
         Larger errors count as this one.
     """
-    links = _link_torques(sketch)
-    scales, volume = _scales(sketch, links, weight / noise**2, spread)
-    behind = np.clip(sketch.errors(sketch.nominal + links @ scales), LEAST_ERROR, cap)
-    return -float(np.sum(weight * np.log(behind))) - float(scales @ scales) / (2 * spread**2) - volume
+    found = []
+    for links in _link_errors(sketch):
+        scales, volume = _scales(sketch, links, weight / noise**2, spread)
+        behind = np.clip(sketch.errors(sketch.nominal + links @ scales), LEAST_ERROR, cap)
+        found.append(-float(np.sum(weight * np.log(behind))) - float(scales @ scales) / (2 * spread**2) - volume)
+    return max(found)
 
 
-def _link_torques(sketch: Sketch) -> Array:
-    """Torque of each link of the URDF, (M, J, L)."""
-    robot = sketch.robot
+def _link_errors(sketch: Sketch) -> tuple[Array, Array]:
+    """Torque of each link of the URDF, and of an error of each of their parameters as large as the link, (M, J, L)."""
+    robot, masses = sketch.robot, sketch.robot.nominal[0::10]
     nominal = dict(zip(robot.all_names, robot.nominal, strict=True))
     values = np.array([nominal[c.name] for c in robot.columns])
     own = np.array([[c.joint == name for c in robot.columns] for name in robot.bodies], dtype=float)
-    return np.asarray(np.einsum("ncj,lc->njl", sketch.motion.regressor(), own * values))
+    of_links = np.array([masses[robot.numbers[c.joint] - 1] for c in robot.columns])
+    columns = sketch.motion.regressor().transpose(0, 2, 1)
+    return columns @ (own * values).T, columns * (of_links * sizes_of_links(robot))
 
 
 def _scales(sketch: Sketch, links: Array, weight: Array, spread: float) -> tuple[Array, float]:
-    """Errors ε of the links (L,), most likely under their prior, and ½ ln det(s² H); each row's friction is fitted."""
+    """The most likely errors ε (L,), and ½ ln det(s² H); the friction of each row is fitted."""
     L = links.shape[2]
     H, g = np.eye(L) / spread**2, np.zeros(L)
     for k, j in enumerate(sketch.rows):

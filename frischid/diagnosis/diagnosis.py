@@ -32,7 +32,7 @@ from frischid.diagnosis.criteria import DIAGNOSIS_CRITERIA, DiagnosisCriteria
 from frischid.diagnosis.effect_findings import refit_finding
 from frischid.diagnosis.floor import Floor
 from frischid.diagnosis.hypotheses import Evidence, evidence_of
-from frischid.diagnosis.model_notes import delay_in, touch_in, untried
+from frischid.diagnosis.model_notes import delay_in, limit_in, touch_in, untried
 from frischid.diagnosis.probability import probabilities
 from frischid.diagnosis.residual_formula import describe
 from frischid.diagnosis.result import Diagnosis
@@ -170,7 +170,7 @@ def diagnose(
     judged = set(validator.joints) & found.headline.joints.keys()
     still = standstill_note([name for name in model.joints if name not in judged])
     said = [still, *said_of(model, logs), *(part.said for part in parts)]
-    said += [delay_in(model), touch_in(model, logs, found.contacts)]
+    said += [delay_in(model), touch_in(model, logs, found.contacts), limit_in(model, logs, found.limits)]
     said += untried(model, effects or (), state, validator.data.cache.channels)
     return replace(found, notes=(*found.notes, *filter(None, said)))
 
@@ -246,4 +246,5 @@ def _diagnosis(results: StageResults, verdicts: tuple[Verdict, Verdict], error_o
         probabilities=probable,
         evidence=evidence,
         fit=validator,
+        limits=results.limits,
     )

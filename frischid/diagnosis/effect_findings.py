@@ -104,7 +104,7 @@ def _finding(
         removed=effect.explained,
         share=explained_share(before[rows], after[rows], noise[rows], validator.criteria),
         floors=in_floors(before[seen], noise[seen]),
-        over_twin=in_floors(before[seen], least[seen]),
+        over_twin=in_floors(before[seen or rows], least[seen or rows]),
         twin_removed=twin.explained(members) if effect.gain > 0 and (effect.entered or effect.rivals) else 0.0,
         p_value=effect.p_value,
         parameters=dict(zip(names, map(float, effect.score.beta), strict=True)) | shapes,

@@ -50,8 +50,8 @@ class Finding:
         Error without the effect over the sensor noise, on the effect's joints; joints whose error is only at reversals
         do not count.
     over_twin : float
-        The same over the error of the healthy twin (`frischid.diagnosis.healthy_twin`); of a refit of all parameters,
-        over the sensor noise.
+        The same over the error of the healthy twin (`frischid.diagnosis.healthy_twin`), which is large at reversals
+        too: so all joints count where the error of all is only there. Of a refit of all parameters, over the noise.
     twin_removed : float
         `removed` on the healthy twin, which lacks nothing: the most that noise alone explains. Zero for an effect that
         neither entered nor is a rival of the first.
@@ -157,7 +157,8 @@ class Finding:
     @property
     def beyond_twin(self) -> bool:
         """The same where the error of the healthy twin counts as noise."""
-        return self.sure and not self._against(self.over_twin)
+        at_reversals = self.floors == 0 and bool(self._against(self.floors))
+        return self.sure and not at_reversals and not self._against(self.over_twin)
 
     def _against(self, floors: float) -> str:
         """Reason against an effect whose error is some multiple of the error that a perfect model has."""

@@ -8,6 +8,7 @@ from frischid.core.text import listed
 from frischid.diagnosis.contacts import Contact
 from frischid.diagnosis.scored_candidate import known_in_motion
 from frischid.diagnosis.situation import Situation
+from frischid.diagnosis.torque_limits import TorqueLimit
 from frischid.effects import EFFECTS, columns_of
 from frischid.logs.log import Log
 from frischid.logs.recording import Recording
@@ -18,6 +19,12 @@ TOUCHED = (
     "LOG --from START --until STOP keeps a part) and identify again"
 )
 """Note on a model that was fitted to logs with contacts."""
+
+AT_LIMIT = (
+    "the model was fitted with torques at their limit, which change its parameters: cut these stretches out of the "
+    "logs (frischid cut LOG --from START --until STOP keeps a part), or record a slower motion, and identify again"
+)
+"""Note on a model that was fitted to logs with torques at their limit."""
 
 
 def delay_in(model: Model) -> str:
@@ -30,6 +37,12 @@ def touch_in(model: Model, logs: Sequence[Log | Recording], contacts: Sequence[C
     """A note that the model was fitted to logs with contacts; empty where it was not."""
     touched = {contact.source for contact in contacts}
     return TOUCHED if any(log.source in touched and model.made_from(log) for log in logs) else ""
+
+
+def limit_in(model: Model, logs: Sequence[Log | Recording], limits: Sequence[TorqueLimit]) -> str:
+    """A note that the model was fitted to logs with torques at their limit; empty where it was not."""
+    cut = {source for limit in limits for source, _, _ in limit.stretches}
+    return AT_LIMIT if any(log.source in cut and model.made_from(log) for log in logs) else ""
 
 
 def untried(model: Model, effects: Sequence[str], situation: Situation, channels: Collection[str]) -> list[str]:

@@ -19,6 +19,7 @@ from frischid.diagnosis.hypotheses import Evidence
 from frischid.diagnosis.residual_formula import Description
 from frischid.diagnosis.rivals import suspected
 from frischid.diagnosis.situation import Situation
+from frischid.diagnosis.torque_limits import TorqueLimit
 from frischid.diagnosis.verdict import Verdict
 from frischid.errors import InputError
 from frischid.logs.poses import NOTHING_MOVES
@@ -59,6 +60,8 @@ class Diagnosis(Shown):
     fit : CrossValidator or None
         The model's fit to the logs that select; None where the arm stands still in all of them, so that only contacts
         were searched.
+    limits : tuple of TorqueLimit
+        Torques at their limit, which were left out like contacts.
     always_missing : tuple of Finding
         Of a robot that changed: what its model's own logs already show. The search takes these effects as known.
 
@@ -91,6 +94,7 @@ class Diagnosis(Shown):
     evidence: Evidence = field(repr=False)
     fit: CrossValidator | None = field(repr=False)
     always_missing: tuple[Finding, ...] = ()
+    limits: tuple[TorqueLimit, ...] = ()
 
     @property
     def validator(self) -> CrossValidator:
@@ -124,6 +128,8 @@ class Diagnosis(Shown):
         if self.fit is None:
             return "the arm stands still, and nothing touches it"
         error, noise, tolerance = self.headline.nrmse, self.headline.noise_floor, self.criteria.floor_tolerance
+        if self.limits:
+            error, noise = self.error, self.noise_floor  # of the rest of the logs
         more = suspected(self.findings, self.probabilities)
         missing, explains = ("called missing", "may explain") if more else ("missing", "explains")
         if self.error > tolerance * self.noise_floor:
@@ -135,7 +141,9 @@ class Diagnosis(Shown):
             said = f"{missing}: the residual error is that of the sensor noise"
         named = listed([f.title for f in self.shown_before])
         known = f"beside {named}, which the model's own logs already show, " if named else ""
-        return f"{known}no effect is {said}{more}"
+        limited = listed([x.joint for x in self.limits])
+        cut = f"the torque of {limited} is at its limit for a while; in the rest of the logs, " if limited else ""
+        return f"{cut}{known}no effect is {said}{more}"
 
     def to_dict(self) -> dict[str, Any]:
         """Plain JSON values."""
@@ -151,6 +159,7 @@ class Diagnosis(Shown):
                 for f in self.always_missing
             ],
             "contacts": [vars(c) for c in self.contacts],
+            "limits": [x.to_dict() for x in self.limits],
             "notes": list(self.notes),
             "description": None if self.description is None else vars(self.description),
             "criteria": self.criteria.to_dict(),

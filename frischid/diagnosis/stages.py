@@ -9,6 +9,7 @@ from frischid.diagnosis.cross_validation import CrossValidator
 from frischid.diagnosis.effect_findings import find_effects
 from frischid.diagnosis.floor import Floor
 from frischid.diagnosis.situation import Situation
+from frischid.diagnosis.torque_limits import beyond_limits, find_limits
 from frischid.diagnosis.unmodelled_terms import unmodelled_term
 from frischid.diagnosis.verdict import StageResults
 
@@ -20,9 +21,15 @@ def stages(
     effects: Sequence[str] | None,
     progress: Callable[[str], None],
 ) -> StageResults:
-    """Contacts, findings, and the term outside the catalogue that explains more than the first finding."""
+    """Torques at their limit, contacts, findings, and a term outside the catalogue that explains more than one."""
     contacts = find_contacts(validator, floor.noise)
     findings, ranking, noise = find_effects(validator, floor, situation, effects, progress)
+    limits = find_limits(validator, ranking.full, noise)
+    if limits:
+        progress("again without torques at their limit")
+        validator = validator.without(beyond_limits(validator, limits))
+        contacts = find_contacts(validator, floor.noise)
+        findings, ranking, noise = find_effects(validator, floor, situation, effects, progress)
     if contacts:
         rest = validator.without(stretches(contacts))
         if made_by_something_steady(validator, rest, findings):
@@ -31,17 +38,19 @@ def stages(
             progress("again without the contacts")
             validator = rest
             findings, ranking, noise = find_effects(rest, floor, situation, effects, progress)
-    unmodelled = None if contacts else unmodelled_term(ranking, noise)
+    least = floor.without_effects(noise)
+    unmodelled = None if contacts else unmodelled_term(ranking, noise, least)
     return StageResults(
         validator,
         situation,
         noise,
-        floor.without_effects(noise),
+        least,
         tuple(burst.contact for burst in contacts),
         tuple(findings),
         ranking,
         unmodelled,
         floor.said,
+        tuple(limits),
     )
 
 

@@ -39,6 +39,7 @@ from frischid.diagnosis.residual_formula import Description
 from frischid.diagnosis.reversal_residuals import only_at_reversals
 from frischid.diagnosis.rivals import sentence_of, suspect_of
 from frischid.diagnosis.situation import Situation
+from frischid.diagnosis.torque_limits import TorqueLimit
 from frischid.diagnosis.unmodelled_terms import UnmodelledTerm
 from frischid.effects import EFFECTS
 
@@ -76,6 +77,7 @@ class StageResults:
     unmodelled : UnmodelledTerm or None
     said : str
         A sentence on repeated motions, empty without any.
+    limits : tuple of TorqueLimit
     """
 
     validator: CrossValidator
@@ -87,6 +89,7 @@ class StageResults:
     ranking: Ranking
     unmodelled: UnmodelledTerm | None
     said: str = ""
+    limits: tuple[TorqueLimit, ...] = ()
 
     @property
     def together(self) -> float:
@@ -134,7 +137,7 @@ def notes_on(
     validator, full, unmodelled = results.validator, results.ranking.full, results.unmodelled
     changed = results.situation == "changed"
     notes = [f"assumed: the robot {'changed' if changed else 'has not changed'} since it was identified"]
-    notes += [results.said] if results.said else []
+    notes += [*map(str, results.limits), *filter(None, [results.said])]
     errors = zip(full.joints, full.base_nrmse(), strict=True)  # with the effects: a large one is no short log
     lost = [name for name, error in errors if error > 1.0]  # a constant torque has an NRMSE of 1
     if lost:

@@ -82,7 +82,7 @@ def propose(path: str | Path, robot: Robot, rate: float | None = None) -> Propos
     if not found.joints:
         raise InputError(
             f"{path}: no column looks like a position of a joint of {robot.name} ({', '.join(robot.joints)}); the "
-            f"columns are {', '.join(table.names)}{_not_numeric(table)}; write the mapping by hand"
+            f"columns are {', '.join(table.names)}{_not_numeric(table, robot)}; write the mapping by hand"
         )
     if t is None:
         t = rate_of(table, rate, found)
@@ -110,12 +110,16 @@ def _not_set(names: Iterable[str]) -> list[str]:
     return [n for n in names if not words[n] & SETPOINT_WORDS or set_point(n)[0] in ("tau", "current")]
 
 
-def _not_numeric(table: Table) -> str:
+def _not_numeric(table: Table, robot: Robot) -> str:
     """Why columns that are not numeric are not."""
     first = next(iter(table.unusable.items()), None)
     if first is None:
         return ""
     lists = "; write a column for each joint" if "holds '[" in first[1] else ""
+    for name, why in table.unusable.items():
+        if any(f"holds '{joint}'" in why for joint in robot.joints):
+            first = name, why
+            lists = ". The file has a row for each joint; write a row for each time, with columns q_JOINT and tau_JOINT"
     return f"; {len(table.unusable)} are not numeric: in '{first[0]}' {first[1]}{lists}"
 
 

@@ -8,6 +8,7 @@ from __future__ import annotations
 
 import numpy as np
 
+from frischid.core.types import Array
 from frischid.robot.robot import Robot
 from frischid.robot.urdf_doubts import has_one_inertial
 
@@ -58,3 +59,11 @@ def length_order(name: str) -> int:
     """
     kind = name.rstrip("0123456789")
     return 0 if kind == "m" else 1 if kind.startswith("m") else 2
+
+
+def sizes_of_links(robot: Robot) -> Array:
+    """Each parameter of the links for a mass of 1 kg: 1, ℓ, ℓ², with ℓ of a rod as long as the link, (C,)."""
+    lengths = link_lengths(robot)
+    longest = max(lengths.values(), default=0.0) or 1.0
+    rods = np.array([(lengths[robot.numbers[c.joint]] or longest) / np.sqrt(3) for c in robot.columns])
+    return np.asarray(rods ** np.array([length_order(c.name) for c in robot.columns]))

@@ -117,6 +117,18 @@ def test_what_does_not_fit_is_said(tmp_path):
     assert "v" not in found.joints[UR.joints[1]]
 
 
+def test_a_file_with_a_row_for_each_joint_is_named(tmp_path):
+    """As `rostopic echo` and data loggers write them: no mapping can help."""
+    lines = [
+        f"{t:.3f},{joint},{x:.5f},0.1"
+        for t, q in zip(LOG.t[:5], LOG.q[:5], strict=True)
+        for joint, x in zip(UR.joints, q, strict=True)
+    ]
+    (tmp_path / "long.csv").write_text("\n".join(["stamp,joint,position,effort", *lines]), encoding="utf-8")
+    with pytest.raises(InputError, match="a row for each joint; write a row for each time, with columns q_JOINT"):
+        propose(tmp_path / "long.csv", UR)
+
+
 def test_nothing_to_go_by(tmp_path):
     write_table({"t": LOG.t, "x": LOG.q[:, 0]}, tmp_path / "log.csv")
     with pytest.raises(InputError, match="no column looks like a position"):

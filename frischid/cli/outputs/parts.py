@@ -219,6 +219,23 @@ class MotionDiagnosisOutput(Output):
     findings: list[SimulatedFindingOutput]
 
 
+class StretchOutput(Output):
+    """A stretch of time of a log."""
+
+    source: str
+    start: float
+    stop: float
+
+
+class TorqueLimitOutput(Output):
+    """A torque that is at its limit for a while."""
+
+    joint: str
+    limit: NotNegative
+    commanded: bool
+    stretches: list[StretchOutput]
+
+
 class AlwaysMissingOutput(Output):
     """An effect that the model's own logs already show, of a robot that changed after them."""
 
@@ -238,6 +255,7 @@ class DiagnosisOutput(Output):
     findings: list[FindingOutput]
     always_missing: list[AlwaysMissingOutput]
     contacts: list[ContactOutput]
+    limits: list[TorqueLimitOutput]
     notes: list[str]
     description: DescriptionOutput | None
     criteria: DiagnosisCriteria

@@ -1,0 +1,222 @@
+"""A torque at its limit: the drive gives no more, or the sensor shows no more. These stretches of time are left out.
+
+With the recorded torque y and that of the model m, both behind the filter, a joint at its limit c has one of two
+errors:
+
+    y = clip(m, ±c)     c is recorded, because the drive gives or the sensor shows no more,
+    m = clip(y, ±c)     the drive gives c, but the commanded torque is recorded.
+
+Both are zero below the limit and have the slope one beyond; c alone is unknown. A wrong scale or a payload changes the
+torque below the limit too, and a push turns other joints as well.
+
+Least squares spreads the error over the whole log. So m first has the robust parameters (`robust_fit`), then those of a
+fit without the stretches beyond c; and c is sought again, until the stretches stay the same. With n_j the sensor noise,
+a limit is found where
+
+- a joint's error asks for an explanation, and most of its squared error above n_j² lies in the stretches beyond c;
+- the clipped curve explains nearly all of that part, although the fit has not seen the stretches;
+- no other joint has a burst there (`contacts`), as a push would cause;
+- the clipped curve leaves less than half of the error above n_j² that the effects of the catalogue leave together. A
+  spring, too, is an error of the largest torques beside a fit to the others.
+
+Source: Tobin 1958, "Estimation of relationships for limited dependent variables", Econometrica 26(1), on observations
+that a limit has cut.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from dataclasses import dataclass
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+
+from frischid.core.text import listed
+from frischid.core.types import Array
+from frischid.diagnosis.cached_motion import Stretch
+from frischid.diagnosis.criteria import DiagnosisCriteria
+from frischid.diagnosis.cross_validation import CrossValidator
+from frischid.diagnosis.floor import asks_for_explanation
+from frischid.diagnosis.robust_fit import robust_parameters
+
+_SEARCHES = 8  # of a limit; it usually stays the same after three
+_LEVELS = 200  # torques tried as limits, spread evenly over the samples
+_STRETCHES_TOLD = 3  # in a sentence
+
+
+@dataclass(frozen=True)
+class TorqueLimit:
+    """A torque at its limit.
+
+    Attributes
+    ----------
+    joint : str
+    limit : float
+        N·m (N).
+    commanded : bool
+        Whether the log holds the commanded torque, which goes beyond the limit.
+    stretches : tuple of (str, float, float)
+        Log, start and stop, s: where the torque is at its limit.
+    """
+
+    joint: str
+    limit: float
+    commanded: bool
+    stretches: tuple[Stretch, ...]
+
+    def __str__(self) -> str:
+        c, found = f"{self.limit:.3g} N·m (N)", self.stretches
+        where = listed([f"{Path(s).name} from {a:.2f} to {b:.2f} s" for s, a, b in found[:_STRETCHES_TOLD]])
+        more = f" and {len(found) - _STRETCHES_TOLD} more times" if len(found) > _STRETCHES_TOLD else ""
+        what = (
+            f"the commanded torque is beyond {c}, but the joint moves as with {c}. The drive gives no more, and the "
+            "log holds the command"
+            if self.commanded
+            else f"the torque stays at {c}, and the model needs more. The drive gives no more, or the sensor shows no "
+            "more"
+        )
+        return f"{self.joint}, in {where}{more}: {what}. These stretches are left out of the search"
+
+    def to_dict(self) -> dict[str, Any]:
+        """Plain JSON values."""
+        stretches = [{"source": source, "start": a, "stop": b} for source, a, b in self.stretches]
+        return {"joint": self.joint, "limit": self.limit, "commanded": self.commanded, "stretches": stretches}
+
+
+def find_limits(validator: CrossValidator, full: CrossValidator, floor: Array) -> list[TorqueLimit]:
+    """Find the joints whose torque is at its limit for a while.
+
+    Parameters
+    ----------
+    validator, full : CrossValidator
+        Without added candidates, and with all effects that entered.
+    floor : ndarray, shape (J,)
+        Sensor noise of each joint, N·m (N).
+    """
+    criteria, found = validator.criteria, list[TorqueLimit]()
+    beside = full.predictive_nrmse()
+    asks = asks_for_explanation(beside, floor / validator.spread, validator)
+    if not asks.any():
+        return found
+    theta = robust_parameters(validator, np.maximum(floor, criteria.smallest_error * validator.spread))
+    for row in np.flatnonzero(asks).tolist():
+        most = criteria.half_explained * float((beside[row] * validator.spread[row]) ** 2 - floor[row] ** 2)
+        tried = [_limit_of(validator, row, floor, theta, commanded) for commanded in (False, True)]
+        best = min((x for x in tried if x is not None), key=lambda x: x[0], default=None)
+        found += [] if best is None or best[0] >= most else [best[1]]
+    return found
+
+
+def beyond_limits(validator: CrossValidator, limits: Sequence[TorqueLimit]) -> list[Stretch]:
+    """The stretches as `CrossValidator.without` takes them, as long as the filter spreads them."""
+    margin = _margin(validator)
+    return [(source, a - margin, b + margin) for limit in limits for source, a, b in limit.stretches]
+
+
+def _margin(validator: CrossValidator) -> float:
+    """Time by which the filter spreads an error to each side, s: a period of its cut-off."""
+    cutoff = validator.model.lowpass.cutoff
+    return 0.0 if cutoff is None else 1.0 / cutoff
+
+
+def _limit_of(
+    validator: CrossValidator, row: int, floor: Array, theta: Array, commanded: bool
+) -> tuple[float, TorqueLimit] | None:
+    """The mean squared error above the noise that a clipped curve leaves, and its limit; None without one."""
+    criteria, margin = validator.criteria, _margin(validator)
+    found: TorqueLimit | None = None
+    rest = validator
+    for _ in range(_SEARCHES):
+        rows = _Rows.of(validator, row, theta, commanded)
+        level = rows.best_level()
+        new = TorqueLimit(validator.joints[row], level, commanded, rows.stretches(level, margin))
+        if not _short(validator, new, criteria):
+            return None
+        if found is not None and new.stretches == found.stretches:
+            break
+        found, rest = new, validator.without(beyond_limits(validator, [new]))
+        theta = rest.theta
+    if found is None:
+        return None
+    noise = floor**2
+    before, after, beyond = rows.error**2 - noise[row], rows.left(level) ** 2 - noise[row], rows.size > level
+    inside, left = float(before[beyond].sum()), float(after[beyond].sum())
+    if inside <= criteria.half_explained * float(before.sum()) or left >= (1 - criteria.nearly_explained) * inside:
+        return None
+    return None if _others_too(validator, rest, theta, row, floor) else (float(after.mean()), found)
+
+
+def _short(validator: CrossValidator, limit: TorqueLimit, criteria: DiagnosisCriteria) -> bool:
+    """Whether there are stretches, and those of each log are short enough together to be a minority."""
+    left_out, data = beyond_limits(validator, [limit]), validator.data
+    for source in {s for s, _, _ in left_out}:
+        length = sum(float(t[-1] - t[0]) for s, t in zip(data.sources, data.times, strict=True) if s == source)
+        if sum(b - a for s, a, b in left_out if s == source) > criteria.max_contact_share * length:
+            return False
+    return bool(left_out)
+
+
+def _others_too(validator: CrossValidator, rest: CrossValidator, theta: Array, row: int, floor: Array) -> bool:
+    """Whether another joint has a burst in the rows that `rest` leaves out, as a push would cause."""
+    criteria = validator.criteria
+    counts = validator.counts.sum(axis=0) - rest.counts.sum(axis=0)
+    unit = np.maximum(floor, criteria.smallest_error * validator.spread)
+    joints = [j for j in range(len(validator.joints)) if j != row and counts[j]]
+    inside = [(validator.squares(j, theta) - rest.squares(j, theta)) / (counts[j] * unit[j] ** 2) for j in joints]
+    return max(inside, default=0.0) > criteria.burst.energy
+
+
+@dataclass(frozen=True, eq=False)
+class _Rows:
+    """Rows of a joint under some parameters.
+
+    Attributes
+    ----------
+    error : ndarray, shape (n,)
+        Measured torque less that of the model, N·m (N).
+    size, side : ndarray, shape (n,)
+        Absolute value and sign of the torque that a limit would clip: that of the model, or the commanded one.
+    commanded : bool
+    times : sequence of (str, ndarray, float)
+        Of each motion: the log, the times of its rows, and the step of the filtered samples, s.
+    """
+
+    error: Array
+    size: Array
+    side: Array
+    commanded: bool
+    times: Sequence[tuple[str, Array, float]]
+
+    @classmethod
+    def of(cls, validator: CrossValidator, row: int, theta: Array, commanded: bool) -> _Rows:
+        """Rows of one joint, motion by motion."""
+        error, clipped, times = list[Array](), list[Array](), list[tuple[str, Array, float]]()
+        for source, data in zip(validator.data.sources, validator.data.motions_of(row), strict=True):
+            left = data.tau - validator.columns.predicted(data, theta)
+            t = data.motion.t.read()
+            error.append(left)
+            clipped.append(data.measured if commanded else data.measured - left)
+            times.append((source, t[data.picked], float(np.median(np.diff(t))) if len(t) > 1 else 0.0))
+        torque = np.concatenate(clipped)
+        return cls(np.concatenate(error), np.abs(torque), np.sign(torque), commanded, times)
+
+    def left(self, level: float) -> Array:
+        """Error of the curve that is clipped at a level, (n,)."""
+        excess = self.side * np.maximum(self.size - level, 0.0)
+        return self.error - excess if self.commanded else self.error + excess
+
+    def best_level(self) -> float:
+        """The level that explains most error."""
+        levels = np.quantile(self.size, np.linspace(0.0, 1.0, _LEVELS))
+        return float(min(levels, key=lambda level: float((self.left(float(level)) ** 2).sum())))
+
+    def stretches(self, level: float, margin: float) -> tuple[Stretch, ...]:
+        """Stretches beyond a level; those whose margins meet are one."""
+        found, passed = list[Stretch](), 0
+        for source, t, step in self.times:
+            at = t[self.size[passed : passed + len(t)] > level]
+            passed += len(t)
+            cuts = np.flatnonzero(np.diff(at) > max(2 * margin, 1.5 * step)) + 1
+            found += [(source, float(x[0]), float(x[-1])) for x in np.split(at, cuts) if len(x)]
+        return tuple(found)
