@@ -13,8 +13,10 @@ def missing(diagnosis: Diagnosis) -> str:
     more = beside(diagnosis.findings) if diagnosis.verdict == "effect" else []
     also = f"; probably also missing: {listed([f.title for f in more])}" if more else ""
     changed = "; assumed: the robot changed since it was identified" if diagnosis.situation == "changed" else ""
-    before = "" if diagnosis.verdict == "none" else _before(diagnosis)  # without an effect, the remainder says so
-    return on_condition(diagnosis, f"{_first(diagnosis)}{also}{changed}{before}")
+    further = "" if diagnosis.verdict == "none" else _before(diagnosis)  # without an effect, the remainder says so
+    if diagnosis.verdict != "none" and diagnosis.limits:
+        further += f"; {diagnosis.limited} (left out of the search)"
+    return on_condition(diagnosis, f"{_first(diagnosis)}{also}{changed}{further}")
 
 
 def _before(diagnosis: Diagnosis) -> str:

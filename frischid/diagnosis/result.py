@@ -11,6 +11,7 @@ from typing import Any
 
 from frischid.core.shown import Shown
 from frischid.core.text import listed
+from frischid.diagnosis.cached_motion import Stretch
 from frischid.diagnosis.contacts import Contact
 from frischid.diagnosis.criteria import DiagnosisCriteria
 from frischid.diagnosis.cross_validation import CrossValidator
@@ -141,9 +142,21 @@ class Diagnosis(Shown):
             said = f"{missing}: the residual error is that of the sensor noise"
         named = listed([f.title for f in self.shown_before])
         known = f"beside {named}, which the model's own logs already show, " if named else ""
-        limited = listed([x.joint for x in self.limits])
-        cut = f"the torque of {limited} is at its limit for a while; in the rest of the logs, " if limited else ""
+        cut = f"{self.limited}; in the rest of the logs, " if self.limits else ""
         return f"{cut}{known}no effect is {said}{more}"
+
+    def left_out(self, joint: str) -> dict[str, list[Stretch]]:
+        """Reason -> stretches of time that the search leaves out for this reason, where the joint shows it."""
+        touched = [(c.source, c.start, c.stop) for c in self.contacts if joint in c.joints]
+        limited = [stretch for limit in self.limits if limit.joint == joint for stretch in limit.stretches]
+        found = {"contact": touched, "torque at its limit": limited}
+        return {reason: stretches for reason, stretches in found.items() if stretches}
+
+    @property
+    def limited(self) -> str:
+        """The clause that torques are at their limit; empty where none is."""
+        names = listed([limit.joint for limit in self.limits])
+        return f"the torque of {names} is at its limit for a while" if names else ""
 
     def to_dict(self) -> dict[str, Any]:
         """Plain JSON values."""

@@ -7,7 +7,7 @@ page shows one model at a time.
 
 from __future__ import annotations
 
-from collections.abc import Iterator, Sequence
+from collections.abc import Iterator, Mapping, Sequence
 from dataclasses import dataclass
 from typing import TYPE_CHECKING, Any
 
@@ -37,7 +37,7 @@ from frischid.model.comparison import Comparison
 from frischid.model.prediction import Prediction
 
 if TYPE_CHECKING:
-    from frischid.diagnosis.contacts import Contact
+    from frischid.diagnosis.cached_motion import Stretch
 
 APART = 0.02  # gap between two logs, as a share of the length of all logs
 TIME_MARGIN = 0.01  # empty share of the time axis at each end
@@ -68,7 +68,7 @@ def measured(
     prediction: Prediction,
     comparison: Comparison,
     joint: str,
-    contacts: Sequence[Contact] = (),
+    left_out: Mapping[str, Sequence[Stretch]] | None = None,
     sliding: bool = False,
     within: tuple[float, float] | None = None,
     overlays: Sequence[Overlay] = (),
@@ -82,8 +82,8 @@ def measured(
     comparison : Comparison
         On the same logs.
     joint : str
-    contacts : sequence of Contact
-        Stretches of time that are left out of the diagnosis.
+    left_out : mapping of str to sequence of (str, float, float), optional
+        Reason ("contact") -> log, start and stop, s: stretches of time that are left out of the joint's diagnosis.
     sliding : bool
         Whether the joint is prismatic.
     within : (float, float), optional
@@ -116,12 +116,8 @@ def measured(
         ]
     _curves(figure, x, prediction, keep, curves)
     _shade(figure, x, ~used, prediction.log, SHADE, "standstill")
-    excluded = np.zeros(len(x), bool)
-    for c in contacts:
-        inside = np.array([prediction.sources[k] == c.source for k in prediction.log])
-        absolute = prediction.t + np.array(prediction.starts)[prediction.log]
-        excluded |= inside & (absolute >= c.start) & (absolute <= c.stop) & (joint in c.joints)
-    _shade(figure, x, excluded, prediction.log, EXCLUDED, "contact")
+    for reason, stretches in (left_out or {}).items():
+        _shade(figure, x, _within(prediction, stretches), prediction.log, EXCLUDED, reason)
     in_view = np.where(np.isin(np.arange(len(x)), seen), shown, np.nan)
     reading = _worst(figure, comparison, prediction, joint, x, in_view, units["load"])
     for start in positions[1:]:
@@ -209,6 +205,16 @@ def _band(figure: go.Figure, x: Array, low: Array, high: Array, log: NDArray[np.
         x=plain(np.concatenate(xs)), y=plain(np.concatenate(ys)), fill="toself", fillcolor="rgba(86,180,233,0.45)",
         line={"width": 0}, mode="lines", name=name, hoverinfo="skip",
     )  # fmt: skip
+
+
+def _within(prediction: Prediction, stretches: Sequence[Stretch]) -> NDArray[np.bool_]:
+    """Samples within some stretches of their logs, (N,)."""
+    sources = np.array(prediction.sources)[prediction.log]
+    absolute = prediction.t + np.array(prediction.starts)[prediction.log]
+    found = np.zeros(len(absolute), bool)
+    for source, start, stop in stretches:
+        found |= (sources == source) & (absolute >= start) & (absolute <= stop)
+    return found
 
 
 def _shade(

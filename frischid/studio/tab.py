@@ -218,12 +218,12 @@ class Tab:
 
     def _torque(self) -> None:
         state, joint = self.bench.state, str(self.joint.value)
-        contacts = () if state.diagnosis is None else state.diagnosis.contacts
+        left_out = {} if state.diagnosis is None else state.diagnosis.left_out(joint)
         self.before.visible = state.before is not None
         before = state.before if self.before.value else None
         ghosts = [] if before is None else [figures.Overlay("before", before.prediction)]
         drawn = figures.measured(
-            state.prediction, state.comparison, joint, contacts, self._sliding(joint), self.stretch.value, ghosts
+            state.prediction, state.comparison, joint, left_out, self._sliding(joint), self.stretch.value, ghosts
         )
         drawn.figure.update_layout(dragmode=False)  # the cursor knows only the stretch between the two numbers
         self._show(self.torque, drawn)

@@ -8,6 +8,7 @@ import pinocchio as pin
 import pytest
 
 import frischid as fr
+from frischid.diagnosis.clause import missing
 
 ARM = fr.Robot.load("planar2")
 SIZES = {"fv1": 0.8, "fv2": 0.4, "fc1": 0.5, "fc2": 0.3, "Ia1": 0.2, "Ia2": 0.1}
@@ -72,6 +73,10 @@ def test_a_torque_at_its_limit_is_named_and_left_out(kind):
     assert any("the model was fitted with torques at their limit" in note for note in found.notes)
     assert str(limit) in found.notes
     assert found.to_dict()["limits"][0]["stretches"][0]["source"] == kind
+    assert found.left_out("joint1") == {"torque at its limit": list(limit.stretches)}
+    assert found.left_out("joint2") == {}
+    said = missing(replace(found, verdict="unknown"))
+    assert said.endswith("; the torque of joint1 is at its limit for a while (left out of the search)")
 
 
 def test_a_healthy_arm_has_no_limit():

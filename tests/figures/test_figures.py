@@ -210,6 +210,19 @@ def test_what_is_left_out_is_not_drawn_over(case):
         assert np.flatnonzero(np.isnan(np.asarray(curve.y, dtype=float))).tolist() == [50]
 
 
+def test_stretches_that_a_diagnosis_leaves_out_are_shaded_with_their_reason(case):
+    prediction, comparison = case[2:]
+    source, start = prediction.sources[0], prediction.starts[0]
+    left_out = {
+        "contact": [(source, start + 0.5, start + 1.0)],
+        "torque at its limit": [(source, start + 2.0, start + 2.5)],
+    }
+    drawn = figures.measured(prediction, comparison, "joint1", left_out).figure
+    without = figures.measured(prediction, comparison, "joint1").figure
+    assert {trace.name for trace in drawn.data} - {trace.name for trace in without.data} == set(left_out)
+    assert len(drawn.layout.shapes) == len(without.layout.shapes) + 2
+
+
 def a_shape():
     """A spring's, over the position."""
     q = np.linspace(-1.0, 1.0, 200)

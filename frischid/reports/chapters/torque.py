@@ -40,7 +40,7 @@ ROUNDING = 1e-9  # share of the rms error below which a bias is rounding
 
 def content(study: Study, model_path: str) -> dict[str, Any]:
     """Values for the template."""
-    contacts = study.diagnosis.contacts if study.diagnosis is not None else ()
+    left_out = {} if study.diagnosis is None else {name: study.diagnosis.left_out(name) for name in study.model.joints}
     top = "that of the test logs alone" if study.held_out else "cross-validated, and therefore larger"
     said = OWN_LOGS.format(top=top) if len(study.held_out) < len(study.logs) else ""
     rows = []
@@ -52,7 +52,13 @@ def content(study: Study, model_path: str) -> dict[str, Any]:
     order = sorted(study.comparison.joints.names, key=lambda name: -study.comparison.joints[name].nrmse)
     drawings = [
         figures.measured(
-            study.prediction, study.comparison, name, contacts, study.sliding(name), overlays=shown, motion=True
+            study.prediction,
+            study.comparison,
+            name,
+            left_out.get(name),
+            study.sliding(name),
+            overlays=shown,
+            motion=True,
         )
         for name in order
     ]
@@ -66,7 +72,7 @@ def content(study: Study, model_path: str) -> dict[str, Any]:
         "still": standstill_note(study.comparison.not_compared),
         "standstill": study.comparison.standstill,
         "nrmse_with_standstill": study.comparison.nrmse_with_standstill,
-        "contacts": bool(contacts),
+        "left_out": listed(list(dict.fromkeys(reason for reasons in left_out.values() for reason in reasons))),
         "several": [Path(log.source).name for log in study.logs] if len(study.logs) > 1 else [],
         "drawings": drawings,
         "worst_first": DRAWN_OPEN,
