@@ -136,7 +136,7 @@ def _trimmed(validator: CrossValidator, floor: Array) -> tuple[list[Burst], Cros
     for _ in range(_ROUNDS):
         theta = robust_parameters(rest, unit)
         new = _bursts(validator, rest, theta, unit)
-        if not _short(validator, new):
+        if not new or not validator.may_leave_out(stretches(new)):
             return [], validator, theta
         if stretches(new) == stretches(found):
             break
@@ -148,17 +148,6 @@ def _trimmed(validator: CrossValidator, floor: Array) -> tuple[list[Burst], Cros
 def _return(validator: CrossValidator, rest: CrossValidator, found: Sequence[Burst]) -> bool:
     """Whether bursts return with the state of their joint."""
     return bool(found) and returning_share(validator, rest, stretches(found)) > validator.criteria.returning_share
-
-
-def _short(validator: CrossValidator, found: Sequence[Burst]) -> bool:
-    """Whether the bursts of every log are short enough together to be events."""
-    criteria, data = validator.criteria, validator.data
-    for source in {b.contact.source for b in found}:
-        here = [b for b in found if b.contact.source == source]
-        length = sum(t[-1] - t[0] for s, t in zip(data.sources, data.times, strict=True) if s == source)
-        if sum(b.stop - b.start for b in here) > criteria.max_contact_share * length:
-            return False
-    return bool(found)
 
 
 def _stands_out(validator: CrossValidator, rest: CrossValidator, floor: Array, theta: Array) -> bool:
@@ -175,7 +164,7 @@ def _stands_out(validator: CrossValidator, rest: CrossValidator, floor: Array, t
 
 def _bursts(validator: CrossValidator, rest: CrossValidator, theta: Array, unit: Array) -> list[Burst]:
     """Bursts in all rows under some parameters; `unit`, (J,): least robust standard deviation, N·m (N)."""
-    data, scale = validator.data, np.maximum(_robust_spread(rest, theta), unit)
+    data, scale = validator.data, np.maximum(robust_spread(rest, theta), unit)
     dry = data.cache.regressor.dry[list(validator.model.torque_index)]
     covariance = rest.fit.covariance
     found: list[Burst] = []
@@ -193,8 +182,8 @@ def _bursts(validator: CrossValidator, rest: CrossValidator, theta: Array, unit:
     return found
 
 
-def _robust_spread(rest: CrossValidator, theta: Array) -> list[float]:
-    """Robust standard deviation of each joint's residual, from evenly spread rows."""
+def robust_spread(rest: CrossValidator, theta: Array) -> list[float]:
+    """Robust standard deviation of each joint's residual under some parameters, N·m (N), from evenly spread rows."""
     every = [max(1, -(-n // MOST_ROWS)) for n in rest.counts.sum(axis=0).tolist()]
     left = [thinned(rest.residuals(row, theta), k) for row, k in enumerate(every)]
     return [float(robust_std(x)) for x in left]

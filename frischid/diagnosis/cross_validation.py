@@ -25,7 +25,7 @@ import numpy as np
 from frischid.core.parallel import Workers
 from frischid.core.text import each_of
 from frischid.core.types import Array
-from frischid.diagnosis.cached_motion import JointData, Stretch
+from frischid.diagnosis.cached_motion import JointData, Stretch, lasting
 from frischid.diagnosis.candidate_columns import Candidate
 from frischid.diagnosis.candidate_fits import CandidateFit, Fits, Score, candidate_fits
 from frischid.diagnosis.criteria import DIAGNOSIS_CRITERIA, DiagnosisCriteria
@@ -136,6 +136,15 @@ class CrossValidator:
         """The same columns and prior without some stretches of time: (source, start, stop) each, s."""
         columns = ModelColumns.of(self.data.without(stretches), self.columns.added)
         return self._fitted(columns, self.fit.prior, self.known_residual)
+
+    def may_leave_out(self, stretches: Sequence[Stretch]) -> bool:
+        """Whether some stretches of time are the smaller part of each log, and every joint moves outside of them."""
+        data = self.data
+        for log in dict.fromkeys(source for source, _, _ in stretches):
+            length = sum(float(t[-1] - t[0]) for s, t in zip(data.sources, data.times, strict=True) if s == log)
+            if lasting([(a, b) for s, a, b in stretches if s == log]) > self.criteria.max_contact_share * length:
+                return False
+        return bool((_spread(data.without(stretches)) > 0).all())
 
     def extended(self, candidate: Candidate) -> CrossValidator:
         """The same data with a candidate added to the model; its coefficients have no prior.

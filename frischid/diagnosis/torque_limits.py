@@ -15,7 +15,8 @@ a limit is found where
 
 - a joint's error asks for an explanation, and most of its squared error above n_j² lies in the stretches beyond c;
 - the clipped curve explains nearly all of that part, although the fit has not seen the stretches;
-- no other joint has a burst there (`contacts`), as a push would cause;
+- in one of these stretches at least, no other joint has a burst (`contacts`), as a push would cause; another joint may
+  be at its own limit at other times;
 - the clipped curve leaves less than half of the error above n_j² that the effects of the catalogue leave together. A
   spring, too, is an error of the largest torques beside a fit to the others.
 
@@ -35,7 +36,7 @@ import numpy as np
 from frischid.core.text import listed
 from frischid.core.types import Array
 from frischid.diagnosis.cached_motion import Stretch
-from frischid.diagnosis.criteria import DiagnosisCriteria
+from frischid.diagnosis.contacts import robust_spread
 from frischid.diagnosis.cross_validation import CrossValidator
 from frischid.diagnosis.floor import asks_for_explanation
 from frischid.diagnosis.robust_fit import robust_parameters
@@ -99,13 +100,18 @@ def find_limits(validator: CrossValidator, full: CrossValidator, floor: Array) -
     asks = asks_for_explanation(beside, floor / validator.spread, validator)
     if not asks.any():
         return found
-    theta = robust_parameters(validator, np.maximum(floor, criteria.smallest_error * validator.spread))
+    unit = np.maximum(floor, criteria.smallest_error * validator.spread)
+    theta = robust_parameters(validator, unit)
     for row in np.flatnonzero(asks).tolist():
         most = criteria.half_explained * float((beside[row] * validator.spread[row]) ** 2 - floor[row] ** 2)
         tried = [_limit_of(validator, row, floor, theta, commanded) for commanded in (False, True)]
         best = min((x for x in tried if x is not None), key=lambda x: x[0], default=None)
         found += [] if best is None or best[0] >= most else [best[1]]
-    return found
+    if not found or not validator.may_leave_out(beyond_limits(validator, found)):
+        return []
+    rest = validator.without(beyond_limits(validator, found))
+    unit = np.maximum(unit, robust_spread(rest, rest.theta))
+    return [limit for limit in found if not _pushed(validator, limit, rest.theta, unit)]
 
 
 def beyond_limits(validator: CrossValidator, limits: Sequence[TorqueLimit]) -> list[Stretch]:
@@ -124,47 +130,48 @@ def _limit_of(
     validator: CrossValidator, row: int, floor: Array, theta: Array, commanded: bool
 ) -> tuple[float, TorqueLimit] | None:
     """The mean squared error above the noise that a clipped curve leaves, and its limit; None without one."""
-    criteria, margin = validator.criteria, _margin(validator)
-    found: TorqueLimit | None = None
-    rest = validator
+    criteria, margin, name = validator.criteria, _margin(validator), validator.joints[row]
+    before: tuple[Stretch, ...] | None = None
     for _ in range(_SEARCHES):
         rows = _Rows.of(validator, row, theta, commanded)
         level = rows.best_level()
-        new = TorqueLimit(validator.joints[row], level, commanded, rows.stretches(level, margin))
-        if not _short(validator, new, criteria):
+        found = TorqueLimit(name, level, commanded, rows.stretches(level, margin))
+        if not found.stretches or not validator.may_leave_out(beyond_limits(validator, [found])):
             return None
-        if found is not None and new.stretches == found.stretches:
+        if found.stretches == before:
             break
-        found, rest = new, validator.without(beyond_limits(validator, [new]))
-        theta = rest.theta
-    if found is None:
-        return None
-    noise = floor**2
-    before, after, beyond = rows.error**2 - noise[row], rows.left(level) ** 2 - noise[row], rows.size > level
-    inside, left = float(before[beyond].sum()), float(after[beyond].sum())
-    if inside <= criteria.half_explained * float(before.sum()) or left >= (1 - criteria.nearly_explained) * inside:
-        return None
-    return None if _others_too(validator, rest, theta, row, floor) else (float(after.mean()), found)
+        before, theta = found.stretches, validator.without(beyond_limits(validator, [found])).theta
+    noise, beyond = floor[row] ** 2, rows.size > level
+    error, left = rows.error**2 - noise, rows.left(level) ** 2 - noise
+    inside = float(error[beyond].sum())
+    held = inside > criteria.half_explained * float(error.sum())
+    explained = float(left[beyond].sum()) < (1 - criteria.nearly_explained) * inside
+    return (float(left.mean()), found) if held and explained else None
 
 
-def _short(validator: CrossValidator, limit: TorqueLimit, criteria: DiagnosisCriteria) -> bool:
-    """Whether there are stretches, and those of each log are short enough together to be a minority."""
-    left_out, data = beyond_limits(validator, [limit]), validator.data
-    for source in {s for s, _, _ in left_out}:
-        length = sum(float(t[-1] - t[0]) for s, t in zip(data.sources, data.times, strict=True) if s == source)
-        if sum(b - a for s, a, b in left_out if s == source) > criteria.max_contact_share * length:
-            return False
-    return bool(left_out)
+def _pushed(validator: CrossValidator, limit: TorqueLimit, theta: Array, unit: Array) -> bool:
+    """Whether another joint has a burst in every stretch at a limit, as a push would cause.
+
+    Under the parameters of a fit without all limits; `unit`, (J,): robust standard deviation of each joint, N·m (N).
+    """
+    others = [j for j, name in enumerate(validator.joints) if name != limit.joint]
+    return all(
+        max((_energy(validator, j, stretch, theta) / unit[j] ** 2 for j in others), default=0.0)
+        > validator.criteria.burst.energy
+        for stretch in beyond_limits(validator, [limit])
+    )
 
 
-def _others_too(validator: CrossValidator, rest: CrossValidator, theta: Array, row: int, floor: Array) -> bool:
-    """Whether another joint has a burst in the rows that `rest` leaves out, as a push would cause."""
-    criteria = validator.criteria
-    counts = validator.counts.sum(axis=0) - rest.counts.sum(axis=0)
-    unit = np.maximum(floor, criteria.smallest_error * validator.spread)
-    joints = [j for j in range(len(validator.joints)) if j != row and counts[j]]
-    inside = [(validator.squares(j, theta) - rest.squares(j, theta)) / (counts[j] * unit[j] ** 2) for j in joints]
-    return max(inside, default=0.0) > criteria.burst.energy
+def _energy(validator: CrossValidator, row: int, stretch: Stretch, theta: Array) -> float:
+    """Mean squared error of a joint within a stretch of time, (N·m)² (N²)."""
+    log, start, stop = stretch
+    parts = [np.empty(0)]
+    for source, data in zip(validator.data.sources, validator.data.motions_of(row), strict=True):
+        if source == log:
+            t = data.motion.t.read()[data.picked]
+            parts.append((data.tau - validator.columns.predicted(data, theta))[(t >= start) & (t <= stop)])
+    error = np.concatenate(parts)
+    return float(error @ error) / max(len(error), 1)
 
 
 @dataclass(frozen=True, eq=False)

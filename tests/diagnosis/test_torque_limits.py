@@ -8,7 +8,9 @@ import pinocchio as pin
 import pytest
 
 import frischid as fr
+from frischid.diagnosis.change_prior import weak_urdf_prior
 from frischid.diagnosis.clause import missing
+from frischid.diagnosis.cross_validation import CrossValidator
 
 ARM = fr.Robot.load("planar2")
 SIZES = {"fv1": 0.8, "fv2": 0.4, "fc1": 0.5, "fc2": 0.3, "Ia1": 0.2, "Ia2": 0.1}
@@ -104,3 +106,41 @@ def test_an_effect_of_the_catalogue_that_grows_with_the_torque_is_no_limit(effec
         ARM, motion, rate=100.0, effects=hidden, parameters=SIZES | value, noise=fr.Noise(q=1e-6, tau=0.05), channels=()
     )
     assert diagnosed(log).limits == ()
+
+
+def clipped(effects: str, values: dict[str, float], levels: dict[int, float]) -> fr.Log:
+    """A log with a hidden effect, of sensors with limits: a quantile of each joint's torque."""
+    motion, hidden = fr.random_fourier(ARM, 20.0, seed=4), fr.parse_effects(effects) if effects else ()
+    log = fr.simulate(ARM, motion, rate=100.0, effects=(*fr.BASELINE, *hidden), parameters=SIZES | values, channels=())
+    tau, rng = np.array(log.tau), np.random.default_rng(2)
+    for joint, level in levels.items():
+        most = np.quantile(np.abs(tau[:, joint]), level)
+        tau[:, joint] = np.clip(tau[:, joint], -most, most)
+    noisy = tau + NOISE * rng.normal(size=tau.shape)
+    return replace(log, q=log.q + 1e-6 * rng.normal(size=log.q.shape), tau=noisy, source="clipped")
+
+
+def test_two_joints_at_their_limits_are_both_named():
+    found = diagnosed(clipped("", {}, {0: 0.9, 1: 0.9}))
+    assert [limit.joint for limit in found.limits] == ["joint1", "joint2"]
+    assert (found.verdict, found.contacts) == ("none", ())
+
+
+def test_an_effect_on_another_joint_hides_no_limit():
+    found = diagnosed(clipped("joint_spring@joint2", {"ks2": 3.0}, {0: 0.9}))
+    assert [limit.joint for limit in found.limits] == ["joint1"]
+    assert (found.verdict, found.findings[0].effect) == ("effect", "joint_spring")
+
+
+def test_stretches_without_which_a_joint_never_moves_are_not_left_out():
+    """A fit without them had ended the command."""
+    log = recorded("none")
+    moving = (log.t > 6.0) & (log.t < 12.0)
+    q = np.array(log.q)
+    q[:, 1] = np.interp(log.t, log.t[moving], q[moving, 1])  # elsewhere joint2 rests
+    rested = replace(log, q=q, source="rested")
+    model = fr.identify(ARM, [rested], recursion="none").model
+    validator = CrossValidator.of(model, [rested], weak_urdf_prior(model))
+    assert validator.may_leave_out([("rested", 4.0, 9.0)])
+    assert not validator.may_leave_out([("rested", 4.0, 13.0)]), "less than half of the log, but all that joint2 moves"
+    assert not validator.may_leave_out([("rested", 0.0, 6.0), ("rested", 14.0, 19.0)]), "more than half of the log"
