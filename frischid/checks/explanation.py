@@ -45,7 +45,8 @@ POSITION_KINDS = ("position sign", "swapped positions", "swapped joints", "joint
 SHARED_KINDS = ("mounting", "no gravity", "payload")
 ROBOT_KINDS = (*SHARED_KINDS, "motor coupling")
 LINK_ERRORS = (0.1, 0.2, 0.4)
-"""Errors of links' masses in URDFs, standard deviations: the likeliest of them is the rival of fitted numbers."""
+"""Errors of links in URDFs (masses, and also centres of mass and inertias), standard deviations as shares of the
+link: the likeliest of them is the rival of fitted numbers."""
 WIDE_BEAM = 6
 """Hypotheses to which faults of the robot are added."""
 SHARED_SAMPLES = 100

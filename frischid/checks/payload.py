@@ -9,7 +9,7 @@ its centre of mass is within reach. No mass is stated where the motion does not 
 A URDF whose links are too heavy or too light looks like a body too: an error of the last link *is* a body on it. So the
 links' own errors are the rival,
 
-    τ − τ_nominal ≈ Σ_i ε_i Γ_i μ_i + friction,      ε_i ~ N(0, s²),      s = 0.1,
+    τ − τ_nominal ≈ Σ_i ε_i Γ_i μ_i + friction,      ε_i ~ N(0, s²),      s = 0.1 for a body,
 
 either with one factor 1 + ε_i for the parameters μ_i of each link, or with an ε for each of its ten parameters and
 μ = m, m ℓ, m ℓ² for mass, first moments and inertias, with the link's mass m by the URDF and the ℓ of a rod of its

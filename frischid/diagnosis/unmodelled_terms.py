@@ -8,10 +8,10 @@ with all other effects that entered. The finding is not the cause if
 
     NRMSE²(with the term) − floor²  <  ½ (NRMSE²(with the finding) − floor²).
 
-Another joint may have an error, beside all findings, that is larger than what the first finding explains. A term that
-explains more than half of this error is a greater cause than the finding. Of that error, the part of the healthy twin
-(`healthy_twin`) asks for no cause: noise in the columns biases the fit of a robot that misses nothing. A dozen jumps at
-angles of their choice follow that part too.
+Another joint may have an error, beside all findings, that is larger than what the first finding explains. Only its part
+above the error of the healthy twin (`healthy_twin`) counts here: noise in the columns biases the fit of a robot that
+misses nothing. A term that explains more than half of the whole error above the sensor noise is a greater cause than
+the finding. A smaller share is no proof, because a dozen jumps at angles of their choice follow the twin's part too.
 """
 
 from __future__ import annotations

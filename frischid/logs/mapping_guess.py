@@ -82,7 +82,7 @@ def propose(path: str | Path, robot: Robot, rate: float | None = None) -> Propos
     if not found.joints:
         raise InputError(
             f"{path}: no column looks like a position of a joint of {robot.name} ({', '.join(robot.joints)}); the "
-            f"columns are {', '.join(table.names)}{_not_numeric(table, robot)}; write the mapping by hand"
+            f"columns are {', '.join(table.names)}{_not_numeric(table, robot)}"
         )
     if t is None:
         t = rate_of(table, rate, found)
@@ -111,16 +111,18 @@ def _not_set(names: Iterable[str]) -> list[str]:
 
 
 def _not_numeric(table: Table, robot: Robot) -> str:
-    """Why columns that are not numeric are not."""
-    first = next(iter(table.unusable.items()), None)
-    if first is None:
-        return ""
-    lists = "; write a column for each joint" if "holds '[" in first[1] else ""
-    for name, why in table.unusable.items():
-        if any(f"holds '{joint}'" in why for joint in robot.joints):
-            first = name, why
-            lists = ". The file has a row for each joint; write a row for each time, with columns q_JOINT and tau_JOINT"
-    return f"; {len(table.unusable)} are not numeric: in '{first[0]}' {first[1]}{lists}"
+    """Why columns that are not numeric are not, and the remedy."""
+    by_hand = "; write the mapping by hand"
+    if not table.unusable:
+        return by_hand
+    of_joints = ((n, why) for n, why in table.unusable.items() if any(f"holds '{j}'" in why for j in robot.joints))
+    found = next(of_joints, None)
+    name, why = found or next(iter(table.unusable.items()))
+    if found is not None:
+        remedy = ". The file has a row for each joint; write a row for each time, with columns q_JOINT and tau_JOINT"
+    else:
+        remedy = "; write a column for each joint" if "holds '[" in why else by_hand
+    return f"; {len(table.unusable)} are not numeric: in '{name}' {why}{remedy}"
 
 
 # ---------------------------------------------------------------------- joints by names

@@ -8,7 +8,7 @@ from __future__ import annotations
 
 from frischid.checks.log_issue import LogIssue
 from frischid.checks.position_faults import JOINT_ZERO
-from frischid.effects import BASELINE, Effect
+from frischid.effects import BASELINE
 from frischid.model.model import Model
 
 UNEXPLAINED_TORQUE = "unexplained torque"
@@ -16,7 +16,8 @@ ANSWERS = {
     "mounting": "gravity_tilt", "payload": "payload", "motor coupling": "joint_coupling", "spring": "joint_spring",
     JOINT_ZERO: "encoder_zero", "torque scale": "drive_gain", "late torque": "time_delay", "early torque": "time_delay",
 }  # fmt: skip
-"""Kind of issue -> the effect that answers it. Any added effect of a joint answers an unexplained torque there."""
+"""Kind of issue -> the effect that answers it. Any effect that was added on a joint by name answers an
+unexplained torque there."""
 
 
 def is_answered(model: Model, issue: LogIssue) -> bool:
@@ -36,10 +37,9 @@ def is_answered(model: Model, issue: LogIssue) -> bool:
     [False, True]
     """
     usual = {effect.id for effect in BASELINE}
-    wanted = ANSWERS.get(issue.kind)
-    found = [e for e in model.effects if e.id == wanted or (issue.kind == UNEXPLAINED_TORQUE and e.id not in usual)]
-    return bool(found) and {name for e in found for name in _joints(model, e)}.issuperset(issue.where)
-
-
-def _joints(model: Model, effect: Effect) -> tuple[str, ...]:
-    return tuple(effect.joints or model.robot.joints)
+    if issue.kind == UNEXPLAINED_TORQUE:
+        found = [e for e in model.effects if e.joints and e.id not in usual]
+    else:
+        found = [e for e in model.effects if e.id == ANSWERS.get(issue.kind)]
+    acting = {name for e in found for name in e.joints or model.robot.joints}
+    return bool(found) and acting.issuperset(issue.where)

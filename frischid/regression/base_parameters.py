@@ -136,7 +136,7 @@ def reduce(
     Parameters
     ----------
     root : ndarray, shape (r, C)
-        Any R with ``RᵀR = WᵀW``: W itself, or `root_of` its moments.
+        Any R with ``RᵀR = WᵀW``: W itself, or a square root of its moments.
     columns : sequence of Column, length C
     tol : float
         Singular values below ``tol σ_1`` count as zero, unless the spectrum has a wider gap between ``tol σ_1 / 10``

@@ -141,7 +141,9 @@ class Study:
         limit = IdentificationCriteria().unexplained_nrmse
         identified: Mapping[str, Any] = next((e for e in reversed(self.model.history) if "warnings" in e), {})
         told = {name for alarm, name in alarmed if alarm == "worse-than-constant"}
-        told |= set(identified.get("unpredicted", ()))
+        kept = [w for w in identified.get("warnings", ()) if not self._ended(w, identified, limit)]
+        if any(HARDLY_PREDICTED in w for w in kept):
+            told |= set(identified.get("unpredicted", ()))
         hopeless = [n for n, j in self.verdict.joints.items() if j.nrmse > limit and n not in told]
         if hopeless:
             found.append(
@@ -155,7 +157,7 @@ class Study:
             found.append(f"The sign of {listed(self.impossible)} is physically impossible.")
         of_logs = [f"{Path(q.source).name}: {w}" for q in self.qualities for w in q.warnings]
         answered = {f"{Path(q.source).name}: {w}" for q in self.qualities for w in q.answered}
-        earlier = [self.brief(w) for w in identified.get("warnings", ()) if not self._ended(w, identified, limit)]
+        earlier = [self.brief(w) for w in kept]
         found += [f"At identification: {w}" for w in earlier if w not in of_logs and w not in answered]
         return list(dict.fromkeys([*found, *of_logs]))
 
@@ -164,7 +166,8 @@ class Study:
         now = cross_validated(self.model.history[-1])
         if HARDLY_PREDICTED not in warning or now is None:
             return False
-        return all(now.joints.get(name, np.inf) <= limit for name in identified.get("unpredicted", ()))
+        names = identified.get("unpredicted", ())
+        return bool(names) and all(now.joints.get(name, np.inf) <= limit for name in names)
 
     def brief(self, text: str) -> str:
         """A message with the names of its logs instead of their paths, which say nothing elsewhere."""

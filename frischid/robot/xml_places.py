@@ -14,8 +14,10 @@ from xml.parsers import expat
 from frischid.errors import InputError
 
 Span = tuple[int, int]
-_TAG = re.compile(rb"""(?:[^>"']|"[^"]*"|'[^']*')*>""")
+_TAG = re.compile(rb"""<(?:[^>"']+|"[^"]*"|'[^']*')*+>""")
 """A start tag up to its end; a ``>`` inside quotes does not end it."""
+DEEPEST_ELEMENT = 500
+"""Elements within each other. The reader of URDFs gives up between 400 and 1500; no robot comes near."""
 
 
 @dataclass
@@ -68,7 +70,8 @@ def elements(data: bytes, source: str) -> Element:
     Raises
     ------
     InputError
-        The file is not XML.
+        The file is not XML, an element comes from an entity, so that it has no place of its own, or elements are nested
+        too deep.
 
     Examples
     --------
@@ -82,12 +85,15 @@ def elements(data: bytes, source: str) -> Element:
     open_elements = [top]
 
     def start(name: str, attributes: dict[str, str]) -> None:
-        begin = parser.CurrentByteIndex
+        begin, line = parser.CurrentByteIndex, parser.CurrentLineNumber
         found = _TAG.match(data, begin)
-        assert found is not None  # the parser has read the tag
+        if found is None:  # the parser is at the reference
+            raise InputError(f"{source}, line {line}: <{name}> comes from an entity; write the element in its place")
+        if len(open_elements) > DEEPEST_ELEMENT:
+            raise InputError(f"{source}, line {line}: elements are nested more than {DEEPEST_ELEMENT} deep")
         close = found.end()
         empty = data[close - 2 : close] == b"/>"
-        element = Element(name, attributes, (begin, close), close, parser.CurrentLineNumber, empty)
+        element = Element(name, attributes, (begin, close), close, line, empty)
         open_elements[-1].children.append(element)
         open_elements.append(element)
 

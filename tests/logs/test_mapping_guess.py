@@ -125,7 +125,8 @@ def test_a_file_with_a_row_for_each_joint_is_named(tmp_path):
         for joint, x in zip(UR.joints, q, strict=True)
     ]
     (tmp_path / "long.csv").write_text("\n".join(["stamp,joint,position,effort", *lines]), encoding="utf-8")
-    with pytest.raises(InputError, match="a row for each joint; write a row for each time, with columns q_JOINT"):
+    remedy = "The file has a row for each joint; write a row for each time, with columns q_JOINT and tau_JOINT"
+    with pytest.raises(InputError, match=rf"{remedy}$"):
         propose(tmp_path / "long.csv", UR)
 
 

@@ -27,6 +27,7 @@ def log():
         ("joint_spring@joint2", "spring", ("joint2",), True),
         ("joint_spring@joint2", "mounting", (), False),
         ("gravity_tilt", "mounting", (), True),
+        ("gravity_tilt", "unexplained torque", ("joint1",), False),
         ("joint_spring@joint2", "torque sign", ("joint2",), False),
     ],
 )

@@ -7,6 +7,7 @@ import re
 from dataclasses import replace
 from html.parser import HTMLParser
 from pathlib import Path
+from types import SimpleNamespace
 
 import numpy as np
 import pytest
@@ -33,6 +34,7 @@ from frischid.model.alarms import Alarm
 from frischid.model.comparison import compare
 from frischid.model.headline import Headline
 from frischid.model.identification import identify
+from frischid.model.identification_alarms import HARDLY_PREDICTED
 from frischid.model.model import Model
 from frischid.model.prediction import predict
 from frischid.model.residual_conditions import Condition
@@ -230,6 +232,18 @@ def test_a_warning_that_an_effect_of_the_model_answers_is_out_of_date(spring):
         said = " ".join(shown.warnings())
         assert ("gravity points" in said) != answered
         assert ("hardly predicted" in said) != answered
+
+
+def test_a_joint_that_the_test_log_hardly_predicts_is_told_once(spring):
+    """An effect ended the warning of the identification, so the warning of the test log takes its place."""
+    (event,) = spring[1].model.history
+    after = {"cross_validated": event["cross_validated"]}
+    warned = event | {"warnings": [f"the torque of joint1 {HARDLY_PREDICTED}"], "unpredicted": ["joint1"]}
+    verdict = SimpleNamespace(joints={"joint1": SimpleNamespace(nrmse=0.9)}, behind_urdf=[])
+    for history, here in (((warned,), False), ((warned, after), True)):
+        said = replace(spring[1], model=replace(spring[1].model, history=history), verdict=verdict).warnings()
+        assert any("hardly predicts the torque of joint1" in text for text in said) == here
+        assert any(HARDLY_PREDICTED in text for text in said) != here
 
 
 def test_a_condition_of_a_joint_with_a_small_error_is_no_place_where_the_model_fails(spring):
