@@ -238,7 +238,8 @@ def test_a_joint_that_the_test_log_hardly_predicts_is_told_once(spring):
     """An effect ended the warning of the identification, so the warning of the test log takes its place."""
     (event,) = spring[1].model.history
     after = {"cross_validated": event["cross_validated"]}
-    warned = event | {"warnings": [f"the torque of joint1 {HARDLY_PREDICTED}"], "unpredicted": ["joint1"]}
+    before = after["cross_validated"] | {"joints": {"joint1": 0.9, "joint2": 0.1}}
+    warned = event | {"warnings": [f"joint1 {HARDLY_PREDICTED}"], "unpredicted": ["joint1"], "cross_validated": before}
     verdict = SimpleNamespace(joints={"joint1": SimpleNamespace(nrmse=0.9)}, behind_urdf=[])
     for history, here in (((warned,), False), ((warned, after), True)):
         said = replace(spring[1], model=replace(spring[1].model, history=history), verdict=verdict).warnings()
