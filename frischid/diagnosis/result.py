@@ -116,6 +116,11 @@ class Diagnosis(Shown):
         return f"Diagnosis({found}; NRMSE {self.headline.nrmse:.4f} {self.headline.where})"
 
     @property
+    def by_verdict(self) -> list[Finding]:
+        """The findings as a table lists them: first those that are called missing."""
+        return sorted(self.findings, key=lambda f: not f.significant)
+
+    @property
     def shown_before(self) -> tuple[Finding, ...]:
         """Of `always_missing`, the effects that are called missing on the model's own logs."""
         return tuple(f for f in self.always_missing if f.significant)

@@ -276,7 +276,9 @@ def without_imitator(findings: Sequence[Finding], imitator: str, unmodelled: Unm
 def with_probability(
     findings: Sequence[Finding], probabilities: Mapping[str, float], together: float
 ) -> tuple[Finding, ...]:
-    """The findings, each with its probability: those that are called missing, the most probable first, then the others.
+    """The findings, each with its probability; of those that are called missing the most probable stands first.
+
+    The places of the others stay: `improve` tries the findings in this order, by the error that they explain.
 
     Two effects that a robot lacks share the probability with the rivals of each. So each of the other findings stands
     by its probability, or by its share of the explained error that no other finding explains, where that is larger.
@@ -289,10 +291,13 @@ def with_probability(
         Error that all effects that entered explain, in summed squared NRMSE.
     """
     found = [replace(f, probability=probabilities.get(f.effect, 0.0)) for f in findings]
-    named = [f for f in found if f.significant]
+    places = [k for k, f in enumerate(found) if f.significant]
+    named = [found[k] for k in places]
     first = max(named, key=lambda f: f.probability, default=None)
     ordered = sorted(named, key=lambda f: (f is not first, -max(f.probability, f.own / max(together, 1e-300))))
-    return (*ordered, *(f for f in found if not f.significant))
+    for k, finding in zip(places, ordered, strict=True):
+        found[k] = finding
+    return tuple(found)
 
 
 def with_verdict(

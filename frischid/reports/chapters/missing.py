@@ -56,7 +56,7 @@ def content(study: Study, model_path: str) -> dict[str, Any]:
         "how_ranked": HOW_RANKED if len(significant) > 1 else "",
         "cards": _cards(study, significant[:FINDING_CARDS], {frozenset(f.effect for f in pair)}),
         "ranking": Table(
-            RANK_HEADINGS, [_row(f) for f in diagnosis.findings if f.members], words=2, caption=RANK_CAPTION
+            RANK_HEADINGS, [_row(f) for f in diagnosis.by_verdict if f.members], words=2, caption=RANK_CAPTION
         ),
     }
 
