@@ -278,8 +278,7 @@ def with_probability(
 ) -> tuple[Finding, ...]:
     """The findings, each with its probability; of those that are called missing the most probable stands first.
 
-    The places of the others stay: `improve` tries the findings in this order, by the error that they explain.
-
+    All others keep their places: `improve` tries the findings in this order, by the error that they explain.
     Two effects that a robot lacks share the probability with the rivals of each. So each of the other findings stands
     by its probability, or by its share of the explained error that no other finding explains, where that is larger.
 

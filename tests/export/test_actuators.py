@@ -16,6 +16,7 @@ from frischid.cli.pages import joint_drives
 from frischid.export.actuators import actuator_rows
 from frischid.export.mjcf_edit import _positions
 from frischid.model.amperes import JointCurrents
+from frischid.robot.xml_places import elements
 
 TRUTH = {"fv1": 0.8, "fc1": 0.6, "Ia1": 0.3, "fv2": 0.5, "fc2": 0.4, "Ia2": 0.2}
 
@@ -144,7 +145,7 @@ def test_mjcf_gets_position_actuators(model, tmp_path):
 
 def test_position_actuators_of_the_users_own_file(model):
     data = b'<mujoco>\n  <actuator>\n    <position name="a" joint="joint1" kp="7"/>\n  </actuator>\n</mujoco>\n'
-    for start, end, text in sorted(_positions(model, data), reverse=True):
+    for start, end, text in sorted(_positions(model, data, elements(data, "robot.xml")), reverse=True):
         data = data[:start] + text.encode() + data[end:]
     servos = {x.get("joint"): x for x in ET.fromstring(data).iter("position")}
     assert {joint: float(x.get("kp")) for joint, x in servos.items()} == {"joint1": 300.0, "joint2": 300.0}

@@ -92,9 +92,8 @@ def simulated(moved: MotionDiagnosis) -> list[Any]:
 
 def shown(result: Diagnosis) -> list[Finding]:
     """The findings that are worth a row: at most ten, those without any evidence only to make three."""
-    effects = [f for f in result.by_verdict if f.effect != result.verdict][
-        :MOST_LISTED
-    ]  # the first line has the verdict
+    # The first line has the verdict.
+    effects = [f for f in result.by_verdict if f.effect != result.verdict][:MOST_LISTED]
     return [f for k, f in enumerate(effects) if k < FEWEST_LISTED or f.gain > 0 or f.probability >= SMALLEST_SHOWN]
 
 
