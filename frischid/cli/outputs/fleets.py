@@ -2,7 +2,8 @@
 
 from __future__ import annotations
 
-from frischid.cli.outputs.parts import AlarmOutput, FindingOutput, Output
+from frischid.cli.outputs.diagnoses import FindingOutput
+from frischid.cli.outputs.parts import AlarmOutput, Output
 from frischid.model.model_records import NotNegative
 
 Pair = tuple[float, float]

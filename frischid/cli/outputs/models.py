@@ -6,10 +6,10 @@ from typing import Literal
 
 from msgspec import UNSET, UnsetType
 
+from frischid.cli.outputs.diagnoses import DiagnosisOutput
 from frischid.cli.outputs.parts import (
     AlarmOutput,
     ComparisonOutput,
-    DiagnosisOutput,
     DriveOutput,
     FittedParameterOutput,
     HeadlineOutput,

@@ -7,7 +7,7 @@ from typing import Any
 import msgspec
 
 from frischid.cli.outputs import fleets, masses_and_exports, models, robots_and_logs
-from frischid.cli.outputs.parts import DiagnosisOutput
+from frischid.cli.outputs.diagnoses import DiagnosisOutput
 from frischid.model.model_records import ModelRecord
 
 DIALECT = "https://json-schema.org/draft/2020-12/schema"
