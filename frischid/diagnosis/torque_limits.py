@@ -130,22 +130,22 @@ def _limit_of(
     validator: CrossValidator, row: int, floor: Array, theta: Array, commanded: bool
 ) -> tuple[float, TorqueLimit] | None:
     """The mean squared error above the noise that a clipped curve leaves, and its limit; None without one."""
-    criteria, margin, name = validator.criteria, _margin(validator), validator.joints[row]
+    criteria, margin, name, noise = validator.criteria, _margin(validator), validator.joints[row], floor[row] ** 2
     before: tuple[Stretch, ...] | None = None
     for _ in range(_SEARCHES):
         rows = _Rows.of(validator, row, theta, commanded)
         level = rows.best_level()
         found = TorqueLimit(name, level, commanded, rows.stretches(level, margin))
-        if not found.stretches or not validator.may_leave_out(beyond_limits(validator, [found])):
+        error, left = rows.error**2 - noise, rows.left(level) ** 2 - noise
+        inside, inside_left = (float(x[rows.size > level].sum()) for x in (error, left))
+        unlike = inside_left > (1 - criteria.half_explained) * inside  # other errors cost no further fit
+        if unlike or not found.stretches or not validator.may_leave_out(beyond_limits(validator, [found])):
             return None
         if found.stretches == before:
             break
         before, theta = found.stretches, validator.without(beyond_limits(validator, [found])).theta
-    noise, beyond = floor[row] ** 2, rows.size > level
-    error, left = rows.error**2 - noise, rows.left(level) ** 2 - noise
-    inside = float(error[beyond].sum())
     held = inside > criteria.half_explained * float(error.sum())
-    explained = float(left[beyond].sum()) < (1 - criteria.nearly_explained) * inside
+    explained = inside_left < (1 - criteria.nearly_explained) * inside
     return (float(left.mean()), found) if held and explained else None
 
 
