@@ -96,7 +96,7 @@ def test_findings_without_evidence_have_no_row():
     found = [finding("spring", 9.0, 0.9), finding("backlash", 4.0, 0.0), finding("stribeck", -1.0, 0.02)]
     found += [finding(f"other{k}", -1.0, 0.0) for k in range(5)]
     known = {f.effect: f.probability for f in found} | {"other9": 0.04, "none": 0.01}
-    result = SimpleNamespace(findings=found, verdict="effect", probabilities=dict.fromkeys(IN_WORDS, 0.0) | known)
+    result = SimpleNamespace(by_verdict=found, verdict="effect", probabilities=dict.fromkeys(IN_WORDS, 0.0) | known)
     listed = shown(result)
     assert [f.effect for f in listed] == ["spring", "backlash", "stribeck"]
     assert elsewhere(result, listed).endswith("another effect 4 %")
