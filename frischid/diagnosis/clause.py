@@ -13,9 +13,8 @@ def missing(diagnosis: Diagnosis) -> str:
     more = beside(diagnosis.findings) if diagnosis.verdict == "effect" else []
     also = f"; probably also missing: {listed([f.title for f in more])}" if more else ""
     changed = "; assumed: the robot changed since it was identified" if diagnosis.situation == "changed" else ""
-    further = "" if diagnosis.verdict == "none" else _before(diagnosis)  # without an effect, the remainder says so
-    if diagnosis.verdict != "none" and diagnosis.limits:
-        further += f"; {diagnosis.limited} (left out of the search)"
+    # Without an effect, the remainder says so.
+    further = "" if diagnosis.verdict == "none" else f"{_before(diagnosis)}{_at_limits(diagnosis)}"
     return on_condition(diagnosis, f"{_first(diagnosis)}{also}{changed}{further}")
 
 
@@ -24,6 +23,10 @@ def _before(diagnosis: Diagnosis) -> str:
     shown = diagnosis.shown_before[:1]
     named = [f"{f.title} (probability {percent(f.probability)})" for f in shown]
     return f"; the model's own logs already show {listed(named)}" if named else ""
+
+
+def _at_limits(diagnosis: Diagnosis) -> str:
+    return f"; {diagnosis.limited} (left out of the search)" if diagnosis.limits else ""
 
 
 def on_condition(diagnosis: Diagnosis, said: str) -> str:

@@ -161,6 +161,8 @@ class Diagnosis(Shown):
     def limited(self) -> str:
         """The clause that torques are at their limit; empty where none is."""
         names = listed([limit.joint for limit in self.limits])
+        if len(self.limits) > 1:
+            return f"the torques of {names} are at their limits for a while"
         return f"the torque of {names} is at its limit for a while" if names else ""
 
     def to_dict(self) -> dict[str, Any]:

@@ -107,9 +107,10 @@ def find_limits(validator: CrossValidator, full: CrossValidator, floor: Array) -
         tried = [_limit_of(validator, row, floor, theta, commanded) for commanded in (False, True)]
         best = min((x for x in tried if x is not None), key=lambda x: x[0], default=None)
         found += [] if best is None or best[0] >= most else [best[1]]
-    if not found or not validator.may_leave_out(beyond_limits(validator, found)):
+    beyond = beyond_limits(validator, found)
+    if not beyond or not validator.may_leave_out(beyond):
         return []
-    rest = validator.without(beyond_limits(validator, found))
+    rest = validator.without(beyond)
     unit = np.maximum(unit, robust_spread(rest, rest.theta))
     return [limit for limit in found if not _pushed(validator, limit, rest.theta, unit)]
 
@@ -139,11 +140,12 @@ def _limit_of(
         error, left = rows.error**2 - noise, rows.left(level) ** 2 - noise
         inside, inside_left = (float(x[rows.size > level].sum()) for x in (error, left))
         unlike = inside_left > (1 - criteria.half_explained) * inside  # other errors cost no further fit
-        if unlike or not found.stretches or not validator.may_leave_out(beyond_limits(validator, [found])):
+        beyond = beyond_limits(validator, [found])
+        if unlike or not beyond or not validator.may_leave_out(beyond):
             return None
         if found.stretches == before:
             break
-        before, theta = found.stretches, validator.without(beyond_limits(validator, [found])).theta
+        before, theta = found.stretches, validator.without(beyond).theta
     held = inside > criteria.half_explained * float(error.sum())
     explained = inside_left < (1 - criteria.nearly_explained) * inside
     return (float(left.mean()), found) if held and explained else None

@@ -16,8 +16,8 @@ ANSWERS = {
     "mounting": "gravity_tilt", "payload": "payload", "motor coupling": "joint_coupling", "spring": "joint_spring",
     JOINT_ZERO: "encoder_zero", "torque scale": "drive_gain", "late torque": "time_delay", "early torque": "time_delay",
 }  # fmt: skip
-"""Kind of issue -> the effect that answers it. Any effect that was added on a joint by name answers an
-unexplained torque there."""
+"""Kind of issue -> the effect that answers it. An unexplained torque of a joint is answered by any effect that was
+added on this joint by name."""
 
 
 def is_answered(model: Model, issue: LogIssue) -> bool:

@@ -123,6 +123,7 @@ def clipped(effects: str, values: dict[str, float], levels: dict[int, float]) ->
 def test_two_joints_at_their_limits_are_both_named():
     found = diagnosed(clipped("", {}, {0: 0.9, 1: 0.9}))
     assert [limit.joint for limit in found.limits] == ["joint1", "joint2"]
+    assert found.remainder.startswith("the torques of joint1 and joint2 are at their limits for a while; in the rest")
     assert (found.verdict, found.contacts) == ("none", ())
 
 
