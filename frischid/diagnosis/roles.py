@@ -134,7 +134,7 @@ def decided_situation(
         found = diagnose(model, own, valid=logs, situation="always", criteria=criteria)
     effects = () if found is None else tuple(e for f in always_missing(found) for e in f.members)
     if effects:
-        before = refitted(model, (*model.effects, *effects), own, "always", criteria)
+        before = refitted(model, (*model.effects, *effects), own, "always", criteria).complete()
     if situation == "changed":
         return Decided("changed", found, before)
     validator, seen = cross_validator(model, [excerpt(log).log for log in logs], criteria=criteria)
