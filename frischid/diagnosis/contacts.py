@@ -20,6 +20,10 @@ error above the noise; otherwise only a strong burst on more than one joint is a
 before the touched link. The filter spreads a push, so a contact lasts where the residual has half of its largest value,
 while the fit leaves out the whole burst.
 
+While the arm stands still, dry friction holds any torque up to break-away, so a model can predict gravity only, and a
+missing effect cannot be distinguished from friction. But gravity and friction stay as they are: a torque that appears
+for a while is a contact (`frischid.checks.standing`).
+
 Sources: Rousseeuw and Leroy 1987, Robust Regression and Outlier Detection, Wiley; Cook 1977, "Detection of influential
 observation in linear regression", Technometrics 19(1).
 """
@@ -27,12 +31,14 @@ observation in linear regression", Technometrics 19(1).
 from __future__ import annotations
 
 from collections.abc import Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 
 import numpy as np
 from scipy import ndimage
 
+from frischid.checks.standing import pushes
 from frischid.core.bursts import robust_std
+from frischid.core.text import listed
 from frischid.core.types import Array
 from frischid.diagnosis.cached_motion import Stretch
 from frischid.diagnosis.candidate_columns import Candidate
@@ -44,6 +50,10 @@ from frischid.diagnosis.residual_variables import MOST_ROWS, speeds, thinned
 from frischid.diagnosis.reversal_residuals import filtered_width
 from frischid.diagnosis.robust_fit import robust_parameters
 from frischid.diagnosis.unmodelled_terms import best_unmodelled
+from frischid.logs.log import Log
+from frischid.logs.poses import in_motion
+from frischid.logs.recording import Recording
+from frischid.model.model import Model
 
 _ROUNDS = 5  # of the trimmed fit; the bursts usually stay the same after two
 
@@ -257,3 +267,38 @@ def _error_of_bursts(validator: CrossValidator, rest: CrossValidator) -> Array:
     joints = range(len(validator.joints))
     everywhere, between = ([v.squares(row, validator.theta) for row in joints] for v in (validator, rest))
     return np.asarray((np.array(everywhere) - np.array(between)) / validator.spread**2)
+
+
+def contacts_at_rest(model: Model, logs: Sequence[Log | Recording]) -> list[Contact]:
+    """Torques that appear while the whole arm stands still, on the model's joints.
+
+    Parameters
+    ----------
+    model : Model
+    logs : sequence of Log or Recording
+        Long recordings are not searched.
+
+    Returns
+    -------
+    list of Contact
+    """
+    found = []
+    for log in logs:
+        if isinstance(log, Recording):
+            continue
+        part = log.select(model.robot.joints)
+        if part.tau is not None:  # joints without a fitted torque still have to stand still
+            tau = part.tau.copy()
+            tau[:, [j for j, name in enumerate(part.joints) if name not in model.joints]] = 0.0
+            part = replace(part, tau=tau)
+        found += [Contact(log.source, p.start, p.stop, list(p.joints), p.strength) for p in pushes(part)]
+    return found
+
+
+def said_of(model: Model, logs: Sequence[Log | Recording]) -> list[str]:
+    """A sentence on static logs among logs in which the arm moves; none without any."""
+    moving = in_motion(logs, model.robot.joints)
+    still = [log.source for log in logs if all(log is not other for other in moving)]
+    if not still:
+        return []
+    return [f"{listed(still)}: the arm stands still, so only contacts are searched there"]

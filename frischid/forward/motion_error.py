@@ -35,8 +35,8 @@ from frischid.logs.preprocessing import Motion
 from frischid.model.comparison import urdf_parameters
 from frischid.model.model import Model
 from frischid.model.model_argument import check_model
+from frischid.robot.kinematic_tree import tip_joint, tip_positions
 from frischid.robot.robot import Robot
-from frischid.robot.tip import tip_joint, tip_positions
 
 HORIZONS = (0.1, 0.5, 1.0, 2.0, 5.0)
 """s. Horizons that are reported, as far as the logs are longer."""

@@ -25,8 +25,8 @@ from frischid.motions.optimize import Search
 from frischid.motions.plan import plan
 from frischid.motions.plan_options import PlanOptions
 from frischid.motions.trajectory import Fourier
+from frischid.robot.kinematic_tree import skeleton
 from frischid.robot.robot import Robot
-from frischid.robot.skeleton import skeleton
 
 BOX = '<collision><origin xyz="0 0 {z}"/><geometry><box size="0.06 0.06 {h}"/></geometry></collision>'
 LIMIT = '<limit lower="-3" upper="3" velocity="3" effort="500"/>'
