@@ -34,7 +34,6 @@ class Implausible:
     Attributes
     ----------
     joints : ndarray of bool, shape (J,)
-    evidence : str
     certain : bool
         Whether nothing but another unit moves so.
     outside : bool
@@ -126,10 +125,8 @@ def check_degrees(found: Implausible, sketch: Callable[[], Sketch | None], notes
 
     Parameters
     ----------
-    found : Implausible
     sketch : callable
         Returns the log as it is, with the torques that can be judged; None without one.
-    notes : Notebook
     """
     seen = sketch()
     fault = None if seen is None else _which(found.joints, seen)

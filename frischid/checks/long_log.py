@@ -59,7 +59,6 @@ class Examined:
 
     Attributes
     ----------
-    report : LogReport
     start, end : float
         First and last stamp, s.
     """
@@ -74,7 +73,6 @@ def examine_long(log: Log | Recording, names: Sequence[str], examine: Callable[[
 
     Parameters
     ----------
-    log : Log or Recording
     names : sequence of str
         The robot's joints.
     examine : callable

@@ -161,7 +161,6 @@ def beats_links(sketch: Sketch, body: Body) -> bool:
     ----------
     sketch : Sketch
         Of at most `CheckCriteria.few_samples` samples.
-    body : Body
     """
     criteria, fits = sketch.criteria, RowFits(sketch)
     if body.torque is None:

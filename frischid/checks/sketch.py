@@ -56,7 +56,6 @@ class Sketch:
         positions).
     ends : tuple of int
         Index after the last sample of each stretch without a gap.
-    criteria : CheckCriteria
     given_nominal : ndarray, shape (M, J), or None
         Rigid torque that replaces the URDF's, for a hypothesis about the rigid torque.
     earlier : float
@@ -244,7 +243,6 @@ def shared_fit(sketch: Sketch, columns: Mapping[int, Array], left: Array) -> Arr
 
     Parameters
     ----------
-    sketch : Sketch
     columns : mapping of int to ndarray, shape (M, P)
         Joint -> columns of the shared parameters in its torque.
     left : ndarray, shape (M, J)

@@ -61,7 +61,6 @@ class SketchMotion:
 
     Attributes
     ----------
-    robot : Robot
     q, v, a : ndarray, shape (M, J)
         Positions, velocities, accelerations: rad, rad/s, rad/s² (m, ...).
     sign : ndarray, shape (M, J)

@@ -54,11 +54,6 @@ class Push:
 def pushes(log: Log, criteria: CheckCriteria = DEFAULT_CRITERIA) -> list[Push]:
     """Torques that appear while every joint of a log stands still.
 
-    Parameters
-    ----------
-    log : Log
-    criteria : CheckCriteria
-
     Returns
     -------
     list of Push

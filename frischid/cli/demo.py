@@ -37,7 +37,6 @@ class Demo:
 
     Attributes
     ----------
-    found : Identification
     truth : ndarray, shape (p,)
         True base parameters.
     seconds : float

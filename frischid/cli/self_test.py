@@ -27,11 +27,8 @@ class Trial:
 
     Attributes
     ----------
-    name : str
-    passed : bool
     detail : str
         A figure, or the error.
-    seconds : float
     """
 
     name: str

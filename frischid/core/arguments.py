@@ -16,8 +16,6 @@ def check_kind(name: str, value: Any, kind: type, remedy: str) -> None:
     ----------
     name : str
         Name of the argument.
-    value : object
-    kind : type
     remedy : str
         How to make such a value.
 

@@ -138,7 +138,6 @@ def fitted_step(
 
     Parameters
     ----------
-    model : Model
     effects : sequence of Effect
         Effects to add.
     logs : sequence of Log or Recording
@@ -146,11 +145,6 @@ def fitted_step(
     situation : {"always", "changed"}
     finding : Finding, optional
         The finding that proposed the effects.
-    criteria : DiagnosisCriteria
-
-    Returns
-    -------
-    Step
 
     Raises
     ------
@@ -190,13 +184,8 @@ def tested(before: Model, step: Step, valid: Sequence[Log | Recording]) -> Step:
     ----------
     before : Model
         The model before the step.
-    step : Step
     valid : sequence of Log or Recording
         Test logs; without any, the step is returned as given.
-
-    Returns
-    -------
-    Step
     """
     if not valid:
         return step

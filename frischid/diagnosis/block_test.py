@@ -87,11 +87,6 @@ def less_error(validator: CrossValidator, one: Candidate, other: Candidate) -> f
     """P value over blocks of time that one candidate leaves less error than another, on the joints of the first.
 
     Paired and one-sided: in each block of time the two held-out errors are compared. Both candidates are scored alone.
-
-    Parameters
-    ----------
-    validator : CrossValidator
-    one, other : Candidate
     """
     fits = _Fits.of(validator, one), _Fits.of(validator, other)
     if fits[0] is None or fits[1] is None:

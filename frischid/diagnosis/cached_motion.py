@@ -118,7 +118,6 @@ class JointData:
 
     Attributes
     ----------
-    motion : CachedMotion
     row : int
         Position of the joint among the fitted ones.
     left_out : sequence of (str, float, float)

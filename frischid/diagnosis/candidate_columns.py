@@ -31,7 +31,6 @@ class Candidate:
 
     Attributes
     ----------
-    effect : Effect
     columns : mapping of int to Series
         Position of the joint among the fitted ones -> for each motion an array (rows, k).
     signs : tuple of int
@@ -64,7 +63,6 @@ class ColumnTask:
 
     Attributes
     ----------
-    state : State
     filter : sparse matrix, shape (filtered samples, N)
     rows : mapping of int to int
         Joint of the robot -> position among the fitted ones.

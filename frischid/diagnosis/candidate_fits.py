@@ -72,10 +72,8 @@ def candidate_fits(
 
     Parameters
     ----------
-    fit : WeightedFit
     moments : sequence of (Moments, Moments)
         Of each candidate, as `ModelColumns.moments` gives them.
-    candidates : sequence of Candidate
     """
     found: dict[int, Fits] = {}
     for width in sorted({len(c.signs) for c in candidates}):

@@ -87,7 +87,6 @@ class Burst:
 
     Attributes
     ----------
-    contact : Contact
     start, stop : float
         s. The fit leaves this stretch out.
     """
@@ -107,13 +106,8 @@ def find_contacts(validator: CrossValidator, floor: Array) -> list[Burst]:
 
     Parameters
     ----------
-    validator : CrossValidator
     floor : ndarray, shape (J,)
         Sensor noise of each joint, N·m (N): lower limit of the joint's robust standard deviation.
-
-    Returns
-    -------
-    list of Burst
     """
     found, rest, theta = _trimmed(validator, floor)
     if found and not _stands_out(validator, rest, floor, theta):
@@ -243,7 +237,6 @@ def made_by_something_steady(validator: CrossValidator, rest: CrossValidator, fi
     ----------
     validator, rest : CrossValidator
         Fits to all rows, and to the rows without the bursts.
-    findings : sequence of Finding
     """
     if any(_explains(validator, rest, validator.candidates(f.members)) for f in findings if f.significant):
         return True
@@ -274,13 +267,8 @@ def contacts_at_rest(model: Model, logs: Sequence[Log | Recording]) -> list[Cont
 
     Parameters
     ----------
-    model : Model
     logs : sequence of Log or Recording
         Long recordings are not searched.
-
-    Returns
-    -------
-    list of Contact
     """
     found = []
     for log in logs:

@@ -51,7 +51,6 @@ class CrossValidator:
 
     Attributes
     ----------
-    fit : WeightedFit
     spread : ndarray, shape (J,)
         Standard deviation of each joint's torque, N·m (N).
     known_residual : ndarray, shape (J,)
@@ -79,12 +78,10 @@ class CrossValidator:
 
         Parameters
         ----------
-        model : Model
         logs : sequence of Log or Recording
             Each log is one fold; each motion of a single log is cut into folds.
         prior : Prior
             Of the p base parameters.
-        criteria : DiagnosisCriteria, optional
         workers : Workers, optional
             Processes that compute columns of candidates, this process by default.
 

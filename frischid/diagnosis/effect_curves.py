@@ -42,7 +42,6 @@ class Shape:
 
     Attributes
     ----------
-    effect, joint : str
     variable : {"q", "v", "a", "load", "t"}
     x : ndarray, shape (N,)
         Values of the variable: q, v, a in rad, rad/s, rad/s² (m, ...), load in N·m (N), t in s since the log began.
@@ -66,7 +65,6 @@ def shape_of(diagnosis: Diagnosis, finding: Finding, prediction: Prediction) -> 
 
     Parameters
     ----------
-    diagnosis : Diagnosis
     finding : Finding
         One of its findings.
     prediction : Prediction

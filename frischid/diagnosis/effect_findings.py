@@ -42,8 +42,6 @@ def find_effects(
 
     Parameters
     ----------
-    validator : CrossValidator
-    floor : Floor
     situation : {"always", "changed"}
         Effects that can only come later (a payload) are tried only where the robot changed.
     only : sequence of str, optional

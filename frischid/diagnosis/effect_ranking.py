@@ -56,7 +56,6 @@ class ScoredEffect:
         Fall of the summed squared NRMSE, with this effect alone.
     own : OwnPart
         Error that only this effect explains; zero unless it entered.
-    p_value : float
     entered : bool
         Whether it is one of the effects that explain the data together.
     rivals : tuple of str

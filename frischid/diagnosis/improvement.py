@@ -181,7 +181,6 @@ def next_step(
 
     Parameters
     ----------
-    model : Model
     diagnosis : Diagnosis
         Of this model on these logs.
     logs : sequence of Log or Recording

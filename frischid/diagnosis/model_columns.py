@@ -28,7 +28,6 @@ class ModelColumns:
 
     Attributes
     ----------
-    data : RegressionData
     gram : ndarray, shape (folds, J, p + 1, p + 1)
         Moments of all columns and the torque.
     added : tuple of Candidate
@@ -103,7 +102,6 @@ class ModelColumns:
 
         Parameters
         ----------
-        data : JointData
         theta : ndarray, shape (p,) or (folds, p)
             Parameters; where there are several sets, each row takes that of its own fold.
         candidate : Candidate, optional

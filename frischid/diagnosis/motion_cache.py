@@ -47,11 +47,9 @@ class MotionCache:
 
     Parameters
     ----------
-    model : Model
     logs : sequence of Log or Recording
         Each log is one fold, up to ``criteria.max_folds``; each motion of a single log is cut into folds, and so are
         those of logs of which each moves other joints.
-    criteria : DiagnosisCriteria, optional
     workers : Workers, optional
         Processes that compute columns of candidates, this process by default.
     seen : callable, optional
@@ -59,7 +57,6 @@ class MotionCache:
 
     Attributes
     ----------
-    motions : list of CachedMotion
     active : list of ndarray of int
         For each fitted joint, the base parameters whose columns act on it.
     blocks : int

@@ -49,7 +49,6 @@ class SimulatedFinding:
 
     Attributes
     ----------
-    finding : Finding
     joints : dict of str to float
         Rms error of the simulated positions with the effect added, rad (m); empty where it cannot be simulated.
     change : float
@@ -203,8 +202,6 @@ def simulated_error(
 
     Parameters
     ----------
-    model : Model
-    logs : sequence of Log or Recording
     options : OutputErrorOptions, optional
         Length of the stretches, and how many.
 

@@ -76,7 +76,6 @@ def chances(evidence: Sequence[Mapping[str, Any]], weights: Weights) -> Array:
     ----------
     evidence : sequence of mapping
         Numbers of each hypothesis by name; a name without weight counts nothing.
-    weights : Weights
     """
     scores = np.array(
         [sum(weights.values.get(k, 0.0) * float(x) for k, x in e.items() if k != _NAME) for e in evidence]

@@ -83,14 +83,12 @@ def refitted(
 
     Parameters
     ----------
-    model : Model
     effects : tuple of Effect
         The model's own, followed by the added ones.
     logs : sequence of Log or Recording
         Data to fit.
     situation : {"always", "changed"}
         ``"changed"``: the model's own parameters are a prior.
-    criteria : DiagnosisCriteria
 
     Returns
     -------

@@ -35,10 +35,6 @@ class MeasuredNoise(NamedTuple):
 def measured_noise(validator: CrossValidator) -> MeasuredNoise | None:
     """Measure the noise where a motion comes again.
 
-    Parameters
-    ----------
-    validator : CrossValidator
-
     Returns
     -------
     MeasuredNoise or None

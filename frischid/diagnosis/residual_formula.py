@@ -40,7 +40,6 @@ class Description:
 
     Attributes
     ----------
-    joint : str
     depends_on : dict of str to float
         Variable (``q2``, ``v1``, ...; t: time in the log) -> p value of independence, corrected for the number of
         variables tested. Only variables that pass, the smallest p value first.

@@ -44,7 +44,6 @@ def only_at_reversals(validator: CrossValidator, floor: Array, theta: Array | No
 
     Parameters
     ----------
-    validator : CrossValidator
     floor : ndarray, shape (J,)
         Sensor noise of each joint, N·m (N).
     theta : ndarray, shape (P,), optional

@@ -62,7 +62,6 @@ class Roles(NamedTuple):
 
     Attributes
     ----------
-    select, test : tuple of Log or Recording
     situation : {"auto", "always", "changed"}
     note : str
         Where the logs that select come from, if somebody might expect others; otherwise empty.
@@ -119,11 +118,8 @@ def decided_situation(
 
     Parameters
     ----------
-    model : Model
-    logs : sequence of Log or Recording
     situation : {"auto", "always", "changed"}
         What the caller knows.
-    criteria : DiagnosisCriteria, optional
     valid : sequence of Log or Recording
         Logs that test only: an own log among them decides nothing.
     """
@@ -185,17 +181,10 @@ def roles(
 
     Parameters
     ----------
-    model : Model
-    logs : sequence of Log or Recording
     valid : sequence of Log or Recording
         Logs that test in any case.
     situation : {"auto", "always", "changed"}
         A robot that changed is diagnosed on the logs given.
-    criteria : DiagnosisCriteria, optional
-
-    Returns
-    -------
-    Roles
     """
     model.check([*logs, *valid])
     if logs and not in_motion(logs, model.robot.joints):

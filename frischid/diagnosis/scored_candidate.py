@@ -48,8 +48,6 @@ class ScoredCandidate:
 
     Attributes
     ----------
-    candidate : Candidate
-    score : Score
     ratio : float
         Log likelihood ratio Λ of the folds left out.
     price : float
@@ -138,8 +136,6 @@ def passes(validator: CrossValidator, found: ScoredCandidate, tried: int) -> boo
 
     Parameters
     ----------
-    validator : CrossValidator
-    found : ScoredCandidate
     tried : int
         Candidates that were tried in all.
     """
@@ -165,7 +161,6 @@ def usable_candidates(
 
     Parameters
     ----------
-    validator : CrossValidator
     places : sequence of sequence of Effect
         Shapes of one effect in one place each.
     progress : callable, optional

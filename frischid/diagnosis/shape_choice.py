@@ -35,13 +35,9 @@ def searched(
 
     Parameters
     ----------
-    model : Model
-    effects : sequence of Effect
     text : str
         The effects as the user wrote them, in the same order; one written with parentheses keeps its shape.
-    logs : sequence of Log or Recording
     situation : {"auto", "always", "changed"}
-    criteria : DiagnosisCriteria, optional
 
     Raises
     ------

@@ -84,11 +84,8 @@ def cross_validator(
 
     Parameters
     ----------
-    model : Model
-    logs : sequence of Log or Recording
     situation : {"auto", "always", "changed"}
         ``"auto"``: decided from the logs.
-    criteria : DiagnosisCriteria, optional
     workers : Workers, optional
         Processes that compute columns of candidates, this process by default.
 

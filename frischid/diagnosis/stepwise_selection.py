@@ -64,7 +64,6 @@ def selected(validator: CrossValidator, pool: Sequence[ScoredCandidate], tried: 
 
     Parameters
     ----------
-    validator : CrossValidator
     pool : sequence of ScoredCandidate
         Each scored alone.
     tried : int
@@ -103,7 +102,6 @@ def likeliest(validator: CrossValidator, fresh: Sequence[tuple[ScoredCandidate, 
 
     Parameters
     ----------
-    validator : CrossValidator
     fresh : sequence of (ScoredCandidate, ScoredCandidate)
         Each candidate, and the same candidate scored beside those in the model.
     """

@@ -52,7 +52,6 @@ class TorqueLimit:
 
     Attributes
     ----------
-    joint : str
     limit : float
         N·m (N).
     commanded : bool
@@ -186,7 +185,6 @@ class _Rows:
         Measured torque less that of the model, N·m (N).
     size, side : ndarray, shape (n,)
         Absolute value and sign of the torque that a limit would clip: that of the model, or the commanded one.
-    commanded : bool
     times : sequence of (str, ndarray, float)
         Of each motion: the log, the times of its rows, and the step of the filtered samples, s.
     """

@@ -58,7 +58,6 @@ def unmodelled_term(ranking: Ranking, floor: Array, least: Array) -> UnmodelledT
 
     Parameters
     ----------
-    ranking : Ranking
     floor : ndarray, shape (J,)
         Sensor noise of each joint, N·m (N).
     least : ndarray, shape (J,)
@@ -112,7 +111,6 @@ def best_unmodelled(
 
     Parameters
     ----------
-    validator : CrossValidator
     row : int
         Position of the joint among the fitted ones.
     jumping : bool

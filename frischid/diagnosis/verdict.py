@@ -70,14 +70,10 @@ class StageResults:
         Sensor noise of each joint, N·m (N).
     least : ndarray, shape (J,)
         Error where no effect is missing, N·m (N): the healthy twin's, or the floor where that is larger.
-    contacts : tuple of Contact
     findings : tuple of Finding
         Best first.
-    ranking : Ranking
-    unmodelled : UnmodelledTerm or None
     said : str
         A sentence on repeated motions, empty without any.
-    limits : tuple of TorqueLimit
     """
 
     validator: CrossValidator
@@ -199,9 +195,6 @@ def with_refit(
 
     Parameters
     ----------
-    verdict : str
-    findings : sequence of Finding
-    refit : Finding
     together : float
         Error that all effects that entered explain, in summed squared NRMSE.
     """
@@ -246,7 +239,6 @@ def without_bias(
 
     Parameters
     ----------
-    findings : sequence of Finding
     by_twin : str
         Verdict where the twin's error counts as noise.
     probabilities : mapping of str to float
@@ -261,7 +253,6 @@ def without_imitator(findings: Sequence[Finding], imitator: str, unmodelled: Unm
 
     Parameters
     ----------
-    findings : sequence of Finding
     imitator : str
         Effect that the term was compared with.
     unmodelled : UnmodelledTerm
@@ -284,7 +275,6 @@ def with_probability(
 
     Parameters
     ----------
-    findings : sequence of Finding
     probabilities : mapping of str to float
     together : float
         Error that all effects that entered explain, in summed squared NRMSE.

@@ -100,8 +100,6 @@ class WeightedFit:
 
     Attributes
     ----------
-    columns : ModelColumns
-    prior : Prior
     omega : ndarray, shape (J,)
         Weight of each joint's squared residual.
     systems : list of System
@@ -125,8 +123,6 @@ class WeightedFit:
 
         Parameters
         ----------
-        columns : ModelColumns
-        prior : Prior
         spread : ndarray, shape (J,)
             Standard deviation of each joint's torque, N·m (N).
         """

@@ -42,8 +42,6 @@ def deflected(slopes: Sequence[Array], joint: int, lag: Lag) -> dict[int, Array]
     ----------
     slopes : sequence of ndarray, shape (J, N)
         ∂τ/∂q_j, ∂τ/∂q̇_j and M_j of the joint along the motion.
-    joint : int
-    lag : Lag
     """
     position, velocity, acceleration = slopes
     change = position * -lag.place

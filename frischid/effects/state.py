@@ -36,7 +36,6 @@ class State:
 
     Attributes
     ----------
-    robot : Robot
     t : ndarray, shape (N,)
         Time, s.
     q, v, a : ndarray, shape (N, J)

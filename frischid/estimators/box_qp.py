@@ -69,10 +69,6 @@ def select(moments: Array, box: Box, ridge: float | Array = 0.0) -> Selection:
     ridge : float or ndarray, shape (p,)
         ρ above, a pure number, or one for each parameter; 0 is plain least squares within the box.
 
-    Returns
-    -------
-    Selection
-
     Raises
     ------
     EmptyBoxError

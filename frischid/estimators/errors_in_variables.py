@@ -194,10 +194,6 @@ def eiv(
     iterations : int
         Iterations of linearising, solving and correcting the states; the third changes little.
 
-    Returns
-    -------
-    Estimate
-
     Raises
     ------
     IdentifiabilityError

@@ -209,7 +209,6 @@ def unit_diagonal(moments: Array, names: Sequence[str]) -> tuple[Array, Array]:
     Parameters
     ----------
     moments : ndarray, shape (p + 1, p + 1)
-    names : sequence of str
 
     Returns
     -------

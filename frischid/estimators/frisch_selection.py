@@ -80,10 +80,6 @@ def select_published(sums: Array, box: Box) -> PublishedSelection:
     box : Box
         Bounds of the p parameters; infinite ones are allowed.
 
-    Returns
-    -------
-    PublishedSelection
-
     Raises
     ------
     EmptyBoxError

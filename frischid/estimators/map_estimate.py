@@ -160,11 +160,6 @@ def map_estimate(
         Regrouping of all parameters into base parameters, ``θ_b = K θ``.
     prior : ParameterPrior
         At scale 1.
-    rule : ScaleRule, optional
-
-    Returns
-    -------
-    MapEstimate
 
     Raises
     ------
@@ -278,11 +273,6 @@ def map_folds(blocks: Sequence[Gram], mapping: Array, estimate: MapEstimate) -> 
     blocks : sequence of Gram
         Moments that the estimate was made from; five contiguous parts of them are left out in turn.
     mapping : ndarray, shape (p, C)
-    estimate : MapEstimate
-
-    Returns
-    -------
-    tuple of Fold
 
     Raises
     ------
@@ -299,12 +289,10 @@ def link_scales(prior: ParameterPrior, off: Array, known: Array, rule: ScaleRule
 
     Parameters
     ----------
-    prior : ParameterPrior
     off : ndarray, shape (C,)
         Parameters less their prior means.
     known : ndarray, shape (C,)
         Their posterior variances.
-    rule : ScaleRule
     """
     squares, links = (off**2 + known) / prior.spread**2, prior.of_links
     common = (squares[links].sum() + rule.freedom) / (links.sum() + rule.freedom)

@@ -21,7 +21,6 @@ class ParameterPrior:
 
     Attributes
     ----------
-    names : tuple of str
     mean : ndarray, shape (C,)
         Each in its parameter's unit.
     spread : ndarray, shape (C,)

@@ -53,7 +53,6 @@ class Extras:
 
     Attributes
     ----------
-    names : tuple of str
     nominal : ndarray, shape (E,)
     scale : ndarray, shape (E,)
         Typical size of each.
@@ -133,12 +132,6 @@ def consistent(theta: Array, information: Array, mapping: Array, links: Links, e
         Their precision Σ_b⁻¹.
     mapping : ndarray, shape (p, 10 L + E)
         K in ``θ_b = K θ``; zero for known parameters.
-    links : Links
-    extras : Extras
-
-    Returns
-    -------
-    Consistent
 
     Raises
     ------

@@ -73,7 +73,6 @@ class Sensor:
     ----------
     name : str
         Such as ``"q joint1"``.
-    joint : int
     taps : dict of str to ndarray
         Channel (``"q"``, ``"v"``, ``"a"``) -> odd-length filter from the sensor's errors to that channel's.
     """
@@ -88,15 +87,10 @@ def sensors_of(motion: Motion, robot: Robot, lowpass: LowPass) -> list[Sensor]:
 
     Parameters
     ----------
-    motion : Motion
     robot : Robot
         Names the joints.
     lowpass : LowPass
         The one the motion was prepared with, which sets its derivative filters.
-
-    Returns
-    -------
-    list of Sensor
     """
     first, second = (derivative_taps(order, motion.step, lowpass.cutoff) for order in (1, 2))
     found = []
@@ -140,10 +134,8 @@ def sensor_moments(
 
     Parameters
     ----------
-    regressor : Regressor
     motions : iterable of Motion
         Gone through twice, and twice more for every sensor; one at a time is in memory.
-    lowpass : LowPass
     joints : sequence of str
         Joints whose torque rows are used.
     base : sequence of int
@@ -153,10 +145,6 @@ def sensor_moments(
         default the names of the columns, and equal weights.
     probe : Probe
         How sensors are displaced.
-
-    Returns
-    -------
-    SensorMoments
     """
     rng = np.random.default_rng(probe.seed)
     per_motion: list[dict[str, Sensor]] = []

@@ -84,7 +84,6 @@ class SensorWise:
 
     Attributes
     ----------
-    names, sensors : tuple of str
     theta : ndarray, shape (p,)
         The middle of V: every sensor explains an equal share of the residual.
     covariance : ndarray, shape (p, p)
@@ -99,7 +98,6 @@ class SensorWise:
         Extremes widened by the sampling error: every parameter at once, with the confidence asked for.
     exact : bool
         The data leave no residual; all of the above is the same solution.
-    notes : tuple of str
     """
 
     names: tuple[str, ...]
@@ -131,16 +129,11 @@ def sensorwise(data: SensorMoments, *, confidence: float = 0.95, limits: Limits 
 
     Parameters
     ----------
-    data : SensorMoments
     confidence : float
         Joint confidence of all bounds.
     limits : mapping of str to (float, float)
         Least and largest standard deviation of a sensor, in its own unit, where a data sheet gives them; the others
         are between zero and infinity.
-
-    Returns
-    -------
-    SensorWise
 
     Raises
     ------

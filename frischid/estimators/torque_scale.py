@@ -102,10 +102,6 @@ def torque_scales(
         Joint -> parameter whose column is the torque of the URDF's links less the known torques, in N·m; by default
         there are no known torques.
 
-    Returns
-    -------
-    TorqueScales
-
     Raises
     ------
     IdentifiabilityError

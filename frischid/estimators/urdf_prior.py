@@ -115,7 +115,6 @@ class UrdfPrior:
 
         Parameters
         ----------
-        columns : sequence of Column
         values : ndarray, shape (k,)
             Their values; the prior is ten times as wide.
         """
@@ -201,12 +200,10 @@ def urdf_prior(
 
     Parameters
     ----------
-    regressor : Regressor
     reduction : Reduction
         Base parameters of `regressor`.
     whole : Gram
         Moments of the base columns, for the size of effects.
-    criteria : PriorCriteria, optional
 
     Returns
     -------
@@ -243,11 +240,6 @@ def _group(column: Column) -> str:
 
 def link_spread(regressor: Regressor, criteria: PriorCriteria | None = None) -> Array:
     """Usual errors of a URDF's rigid parameters.
-
-    Parameters
-    ----------
-    regressor : Regressor
-    criteria : PriorCriteria, optional
 
     Returns
     -------

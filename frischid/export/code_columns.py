@@ -64,7 +64,6 @@ class Made:
     kind : {"slide", "heat", "lag", "delay", "slope", "tilt", "spin", "extra"}
     number : int
         Place among the quantities of its kind.
-    joint : int
     values : tuple of float
         Constants of the function, see the templates.
     """
@@ -82,7 +81,6 @@ class CodeColumn:
 
     Attributes
     ----------
-    effect : Effect
     name : str
         Of the coefficient.
     rows : dict of int to str
@@ -114,7 +112,6 @@ class CodeModel:
     ----------
     model : Model
         With physical links.
-    columns : tuple of CodeColumn
     links, load_links : ndarray, shape (L, 10)
         Inertial parameters about the joints' frames: the model's, and those that give the load and its derivatives.
     """
@@ -130,7 +127,6 @@ class CodeModel:
 
         Parameters
         ----------
-        model : Model
         payload_in_links : bool
             Whether payloads become part of the links; otherwise they are columns as all other effects.
 

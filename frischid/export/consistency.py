@@ -192,10 +192,6 @@ def free_parameters(model: Model) -> dict[str, tuple[str, ...]]:
     A parameter k is determined if e_k lies in the row space of K in ``θ_base = K θ``. Of the free ones, a physical
     model has the values nearest to the URDF's links.
 
-    Parameters
-    ----------
-    model : Model
-
     Returns
     -------
     dict of str to tuple of str

@@ -65,7 +65,6 @@ class GearTrain:
 
     Attributes
     ----------
-    gears : tuple of GearJoint
     rotor : float
         Armature of the motor's joint where the model has no rotor inertia, kg·m² (kg).
     rubbing : float

@@ -53,7 +53,6 @@ class Share:
         Names of the parameters whose torque the XML has.
     joints : dict of str to dict of str to float
         Joint -> attribute of MJCF -> value.
-    tendons : tuple of Tendon
     links : ndarray, shape (L, 10)
         Inertial parameters with the payload, about the joints' frames.
     gears : dict of str to GearTrain

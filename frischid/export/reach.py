@@ -33,7 +33,6 @@ class Reach:
 
     Attributes
     ----------
-    format : str
     without : tuple of str
         Effects that the format leaves out.
     refused : tuple of str
@@ -67,7 +66,6 @@ def exportable(model: Model, kind: str) -> tuple[str, ...]:
 
     Parameters
     ----------
-    model : Model
     kind : {"c", "mjcf", "urdf"}
 
     Returns

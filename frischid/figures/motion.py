@@ -73,7 +73,6 @@ def animated(plan: Plan, robot: Robot) -> go.Figure:
 
     Parameters
     ----------
-    plan : Plan
     robot : Robot
         The robot of the plan.
     """

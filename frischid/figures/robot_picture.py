@@ -42,7 +42,6 @@ def robot_picture(robot: Robot, q: Array, joints: Mapping[str, tuple[float, floa
 
     Parameters
     ----------
-    robot : Robot
     q : ndarray, shape (J,)
         Pose, rad (m).
     joints : mapping of str to (float, float, float)

@@ -54,7 +54,6 @@ class Overlay:
     ----------
     name : str
         For legends.
-    prediction : Prediction
     visible : bool
         Whether the curves are shown at first.
     """
@@ -78,10 +77,8 @@ def measured(
 
     Parameters
     ----------
-    prediction : Prediction
     comparison : Comparison
         On the same logs.
-    joint : str
     left_out : mapping of str to sequence of (str, float, float), optional
         Reason ("contact") -> log, start and stop, s: stretches of time that are left out of the joint's diagnosis.
     sliding : bool

@@ -259,7 +259,6 @@ class Change:
 
     Attributes
     ----------
-    effect, joint : str
     values : dict of str to (float, float)
         Parameter -> value in the fleet, value in this robot.
     error_after : float

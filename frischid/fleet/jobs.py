@@ -254,7 +254,6 @@ class Explaining:
 
     Attributes
     ----------
-    mapping : LogMap or None
     inflation : float
         Number of samples that count as one, κ of the fleet (`frischid.fleet.deviation.Null`).
     """

@@ -22,7 +22,6 @@ class Member:
 
     Attributes
     ----------
-    name : str
     logs, samples, seconds
         Numbers of logs and samples, and their length.
     deviation : Deviation
@@ -87,7 +86,6 @@ class Fleet:
         Distribution of the usual differences between its robots.
     where : str
         The processes that did the work.
-    notes, warnings : tuple of str
     alarms : tuple of Alarm
         Reasons not to trust the shared parameters, nor the list of robots that differ from them.
     """

@@ -36,7 +36,6 @@ class SharedFit:
     ----------
     whole : Gram
         Sum of the robots' moments.
-    estimate : Estimate
     posterior : MapEstimate or None
         Of all parameters; None: the logs alone.
     mapping : ndarray, shape (p, C)
@@ -69,8 +68,6 @@ def shared_fit(parts: Sequence[Gram], regressor: Regressor, reduction: Reduction
     ----------
     parts : sequence of Gram
         Moments of groups of robots.
-    regressor : Regressor
-    reduction : Reduction
     prior : {"urdf", "none"}
 
     Raises

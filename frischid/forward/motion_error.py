@@ -268,8 +268,6 @@ def simulated_from(
     ----------
     forward : ForwardDynamics
         Of two sets of parameters.
-    motion : Motion
-    source : TorqueSource
     samples : ndarray of int, shape (starts,)
         Samples of the motion whose states the simulations start from.
     when : tuple of ndarray of int, shape (times,), and float
@@ -290,7 +288,6 @@ def position_errors(robot: Robot, simulated: Array, measured: Array) -> Array:
 
     Parameters
     ----------
-    robot : Robot
     simulated : ndarray, shape (2, N, J)
         rad (m); not finite where a simulated motion became unstable. The errors are infinite there.
     measured : ndarray, shape (N, J)

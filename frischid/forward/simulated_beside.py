@@ -39,7 +39,6 @@ class SimulatedBeside:
 
     Attributes
     ----------
-    source : str
     t : ndarray, shape (N,)
         Time since the log's beginning, s.
     measured, simulated : ndarray, shape (N, J)
@@ -80,7 +79,6 @@ def simulated_beside(model: Model, logs: Sequence[Log | Recording]) -> Simulated
 
     Parameters
     ----------
-    model : Model
     logs : sequence of Log or Recording
         As read, without the torque of the model's controller.
 

@@ -113,7 +113,6 @@ def started(starts: Starts, joints: Sequence[str], sets: int) -> tuple[Array, Ar
 
     Parameters
     ----------
-    starts : Starts
     joints : sequence of str
         The robot's J joints.
     sets : int

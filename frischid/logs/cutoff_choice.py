@@ -160,13 +160,8 @@ def choose_lowpass(logs: Sequence[Log], joints: Sequence[str]) -> LowPass:
 
     Parameters
     ----------
-    logs : sequence of Log
     joints : sequence of str
         Joints whose torque is fitted.
-
-    Returns
-    -------
-    LowPass
     """
     return sum((spectra_of(log, joints) for log in logs), LogSpectra()).lowpass()
 
@@ -188,13 +183,8 @@ def spectra_of(log: Log, joints: Sequence[str]) -> LogSpectra:
 
     Parameters
     ----------
-    log : Log
     joints : sequence of str
         Joints whose torque is fitted.
-
-    Returns
-    -------
-    LogSpectra
     """
     return _SPECTRA.of(log, tuple(joints), lambda: _spectra_of(log, joints))
 

@@ -22,7 +22,6 @@ class Archive(NamedTuple):
 
     Attributes
     ----------
-    address : str
     size : int
         Bytes.
     md5 : str
@@ -45,7 +44,6 @@ class Dataset:
 
     Attributes
     ----------
-    title : str
     page : str
         Web page about the data set.
     licence, citation : str

@@ -73,10 +73,6 @@ def as_recording(log: Log | Recording) -> Log | Recording:
 def excerpt(log: Log | Recording) -> Excerpt:
     """Evenly spread stretches of a long log, in one pass over its samples.
 
-    Parameters
-    ----------
-    log : Log or Recording
-
     Returns
     -------
     Excerpt

@@ -26,8 +26,6 @@ class StoredFile:
 
     Attributes
     ----------
-    path : str
-    sha256 : str
     bytes : int
         Its size; of a folder, that of its files together.
     """
@@ -39,14 +37,7 @@ class StoredFile:
 
 @dataclass(frozen=True)
 class LogFile:
-    """The file of a log, and the mapping file that explained its columns, if there was one.
-
-    Attributes
-    ----------
-    path : str
-    bytes : int
-    mapping : StoredFile or None
-    """
+    """The file of a log, and the mapping file that explained its columns, if there was one."""
 
     path: str
     bytes: int

@@ -64,10 +64,6 @@ class Poses(NamedTuple):
 def poses_of(log: Log) -> Poses:
     """The poses at which every joint of a log stands still for at least `LEAST_POSE`.
 
-    Parameters
-    ----------
-    log : Log
-
     Returns
     -------
     Poses

@@ -137,10 +137,6 @@ def prepare(
     whole : bool
         Whether this log is no chunk of a longer one. A chunk at standstill is no static log.
 
-    Returns
-    -------
-    Prepared
-
     Raises
     ------
     InputError
@@ -196,7 +192,6 @@ def _notes_on_times(log: Log, stamped: Log, gaps: int, longest: float) -> Iterat
     ----------
     log, stamped : Log
         With the times that are used, and with the stamps.
-    gaps : int
     longest : float
         Steps that are longer, s, are gaps.
     """

@@ -32,7 +32,6 @@ class LogSummary:
 
     Attributes
     ----------
-    lowpass : LowPass
     spectra : LogSpectra
         Of the joints whose torque is fitted.
     samples : tuple of int
@@ -57,8 +56,6 @@ def summarise(
 
     Parameters
     ----------
-    robot : Robot
-    logs : sequence of Log or Recording
     rows : sequence of str
         Joints whose torque is fitted.
     cutoff : float, "auto" or None

@@ -30,7 +30,6 @@ class JointCurrents:
 
     Attributes
     ----------
-    joint : str
     viscous : tuple of float or None
         A·s/rad (A·s/m).
     coulomb : tuple of float or None
@@ -57,7 +56,6 @@ def in_amperes(model: Model, motions: Iterable[Motion]) -> tuple[JointCurrents, 
 
     Parameters
     ----------
-    model : Model
     motions : iterable of Motion
         Motions whose poses count, such as ``model.motions(logs)``.
 

@@ -233,7 +233,6 @@ class ModelErrors:
     ----------
     noise : NoiseFloor
         Is to see the motions that the blocks come from.
-    expected : ExpectedError
     """
 
     def __init__(self, model: Model, residuals_kept: int = SAMPLES_KEPT) -> None:

@@ -33,7 +33,6 @@ class Elsewhere:
 
     Attributes
     ----------
-    joints : tuple of str
     spread : ndarray, shape (J,)
         Standard deviation of the torque on these logs, N·m (N).
     fitted_spread : ndarray, shape (J,)

@@ -72,9 +72,7 @@ class DriveParameter:
 
     Attributes
     ----------
-    joint : str
     quantity : {"torque_per_ampere", "stiffness", "damping", "delay", "effort_limit", "armature", "viscous", "coulomb"}
-    unit : str
     value : float
         In `unit`.
     lower, upper : float
@@ -304,10 +302,6 @@ def _sum_with(model: Model, name: str) -> str:
 
 def values_of(model: Model) -> list[_Value]:
     """Column, value, standard error and share from the logs of every parameter that has these.
-
-    Parameters
-    ----------
-    model : Model
 
     Notes
     -----

@@ -28,7 +28,6 @@ class ExpectedError:
 
     Attributes
     ----------
-    model : Model
     squares : ndarray, shape (J,)
         Sum of the expected squared errors of the samples looked at.
     outside : ndarray, shape (J,)

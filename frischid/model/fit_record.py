@@ -104,8 +104,6 @@ def half_width(estimate: Estimate, record: FitRecord | None, Y: Array, interval:
 
     Parameters
     ----------
-    estimate : Estimate
-    record : FitRecord or None
     Y : ndarray, shape (M, p, J)
         Base columns of the fitted joints.
     interval : float

@@ -63,7 +63,6 @@ def lead_effects(effects: Sequence[Effect], motions: Iterable[Motion]) -> tuple[
     ----------
     effects : sequence of Effect
         Of the model.
-    motions : iterable of Motion
     """
     if not any(effect.id == CommandDelay.id for effect in effects):
         return ()
@@ -77,7 +76,6 @@ def without_columns(blocks: Blocks, count: int) -> Blocks:
 
     Parameters
     ----------
-    blocks : Blocks
     count : int
         Number of the last columns; each acts on one joint alone.
     """

@@ -41,14 +41,12 @@ class Bounds:
 
     Attributes
     ----------
-    fit : Fit
     estimate : Estimate
         The model's values: least squares', or those of the estimator that was asked for.
     simplex : Simplex or None
         The p + 1 least-squares solutions; None where the logs alone do not determine the parameters.
     boxes : dict of str to Box
         Bounds by method: ``"frisch"``, ``"bbrf"``, ``"sensorwise"``.
-    recursion : Recursion or None
     selection : Selection or None
         The point of the box, for the estimators ``"frisch"`` and ``"frisch_squared"``.
     """

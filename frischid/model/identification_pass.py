@@ -38,7 +38,6 @@ class Measured:
 
     Attributes
     ----------
-    bounds : Bounds
     variance : ndarray, shape (J,)
         Mean square error of each joint on stretches left out of the fit, (N·m)² (N²).
     model : Model

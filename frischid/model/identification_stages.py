@@ -56,9 +56,6 @@ class Problem:
 
     Attributes
     ----------
-    data : LogData
-    effects : tuple of Effect
-    regressor : Regressor
     reduction : Reduction
         Base parameters of the regressor's columns.
     blocks : Blocks
@@ -88,7 +85,6 @@ class PriorSet:
 
     Attributes
     ----------
-    problem : Problem
     prior : ParameterPrior or None
         Of all parameters; None: the logs alone.
     """
@@ -103,8 +99,6 @@ class Fit:
 
     Attributes
     ----------
-    problem : Problem
-    estimate : Estimate
     posterior : MapEstimate or None
         Of all parameters, where there is a prior.
     """
@@ -191,7 +185,6 @@ def form_moments(data: LogData, effects: Sequence[Effect] | None) -> Problem:
 
     Parameters
     ----------
-    data : LogData
     effects : sequence of Effect, optional
         By default the baseline; cross-validation on the logs chooses the smoothing of its dry friction.
     """

@@ -83,8 +83,6 @@ class LogData:
         In memory; motions of recordings are read again in every iteration.
     preparation : Motions
         Its notes name the changes of the logs, after the first iteration over the motions.
-    options : IdentifyOptions
-    journal : Journal
     """
 
     robot: Robot

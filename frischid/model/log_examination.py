@@ -197,8 +197,6 @@ def report_issues(
 
     Parameters
     ----------
-    robot : Robot
-    logs : sequence of Log or Recording
     prepared : LowPass and sequence of sequence of Motion, optional
         Filter and motions of each log, where the caller has them: the checks are then brief.
     """

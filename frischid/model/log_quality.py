@@ -39,8 +39,6 @@ class Quality:
 
     Attributes
     ----------
-    source : str
-    samples : int
     seconds, rate : float
         s, Hz of the median step.
     steps : (float, float)
@@ -92,7 +90,6 @@ def quality(model: Model, logs: Sequence[Log | Excerpt]) -> list[Quality]:
 
     Parameters
     ----------
-    model : Model
     logs : sequence of Log or Excerpt
         Of an excerpt, the clock is that of the whole log, and the checks are those of its first stretch.
 

@@ -19,7 +19,6 @@ class Parameter(NamedTuple):
         Short name, for example ``"mx1R"``.
     expression : str
         The sum of parameters that it stands for, for example ``"mx1 + 0.5 m2"``.
-    unit : str
     joint, effect : str
         Where it belongs; ``"rigid"`` is the effect of the links.
     value, stderr : float
@@ -47,7 +46,6 @@ def numbering(estimate: Estimate, numbers: Mapping[str, int]) -> str:
 
     Parameters
     ----------
-    estimate : Estimate
     numbers : mapping of str to int
         Number of each joint (`Robot.numbers`).
 

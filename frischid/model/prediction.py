@@ -34,7 +34,6 @@ class Prediction:
 
     Attributes
     ----------
-    joints : tuple of str
     sources : tuple of str
         The logs, in order.
     starts : tuple of float
@@ -78,15 +77,10 @@ def predict(
 
     Parameters
     ----------
-    model : Model
     logs : sequence of Log
         At least one; each must hold position and torque of the model's joints.
     evaluated : sequence of sequence of (Block, ndarray), optional
         ``model.blocks([log])`` of each log, where the caller has it already.
-
-    Returns
-    -------
-    Prediction
     """
     if not logs:
         raise InputError("there is no log to predict; give at least one")

@@ -41,12 +41,10 @@ class Condition:
 
     Attributes
     ----------
-    joint, condition : str
     ratio : float
         Rms residual inside over the joint's rms residual.
     rmse : float
         Rms residual inside, N·m (N).
-    samples : int
     p_value : float
         Probability of so large a ratio by chance.
     """
@@ -88,7 +86,6 @@ class Residuals:
 
     Parameters
     ----------
-    model : Model
     blocks : sequence of (Block, ndarray)
         Filtered samples and the torque the model fits to them, as `Model.blocks` gives.
     """

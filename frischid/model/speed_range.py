@@ -76,7 +76,6 @@ def speed_range(model: Model, motions: Sequence[Motion], usual: float, criteria:
 
     Parameters
     ----------
-    model : Model
     motions : sequence of Motion
         Of the logs that the model was fitted to.
     usual : float

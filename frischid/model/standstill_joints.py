@@ -27,7 +27,6 @@ def rows_of(model: Model, kept: NDArray[np.bool_]) -> Model:
 
     Parameters
     ----------
-    model : Model
     kept : ndarray of bool, shape (J,)
         The rows, in the order of ``model.joints``.
 

@@ -135,7 +135,6 @@ def torque_lag(problem: Problem, estimate: Estimate, sums: LagSums) -> TorqueLag
 
     Parameters
     ----------
-    problem : Problem
     estimate : Estimate
         The fit.
     sums : LagSums

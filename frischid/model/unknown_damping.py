@@ -36,8 +36,6 @@ def damping_effects(
 
     Parameters
     ----------
-    controller : PDController or None
-    effects : sequence of Effect
     channels : sequence of mapping of str to ndarray
         Further channels of each log with the torque of the controller, or of its motions.
     joints : sequence of str
@@ -75,7 +73,6 @@ def damping_notes(controller: PDController | None, effects: Sequence[Effect], jo
 
     Parameters
     ----------
-    controller : PDController or None
     effects : sequence of Effect
         Of the model.
     joints : sequence of str
@@ -109,13 +106,7 @@ class DampingSum:
 
 
 def damping_sum(model: Model, joint: str) -> DampingSum | None:
-    """The sum of a joint's kd and viscous friction; None where kd was named, or where the logs do not know the sum.
-
-    Parameters
-    ----------
-    model : Model
-    joint : str
-    """
+    """The sum of a joint's kd and viscous friction; None where kd was named, or where the logs do not know the sum."""
     if model.controller is None or model.controller.knows_damping(joint):
         return None
     e = model.estimate

@@ -38,8 +38,6 @@ class Clearance:
 
     Attributes
     ----------
-    robot : Robot
-    geometry : pinocchio.GeometryModel
     names : tuple of str
         The pairs, as ``"link2 and link5"``.
     margins : ndarray, shape (pairs,)
@@ -60,7 +58,6 @@ class Clearance:
 
         Parameters
         ----------
-        robot : Robot
         floor : float, optional
             Height of the floor above the base, against gravity, m; None for no floor.
         margin : float

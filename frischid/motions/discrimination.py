@@ -47,7 +47,6 @@ class Apart:
 
     Attributes
     ----------
-    plan : Plan
     first, second : str
         The effects.
     typical, correlation : float
@@ -83,18 +82,12 @@ def separate(
 
     Parameters
     ----------
-    robot : Robot
-    first, second : Effect
     effects : sequence of Effect
         Effects that are identified beside the two.
     options : PlanOptions, optional
         As for `plan`, except that the criterion is always `Separation`.
     workers, progress
         As for `plan`.
-
-    Returns
-    -------
-    Apart
 
     Raises
     ------

@@ -56,7 +56,6 @@ class Violation:
         The joint, or the two bodies that come too close.
     time : float
         Seconds from the start.
-    value, limit : float
     """
 
     kind: str
@@ -104,7 +103,6 @@ class MotionLimits:
 
         Parameters
         ----------
-        robot : Robot
         scale : float
             Share of every limit that is used, in (0, 1]; position ranges shrink about their middle.
         acceleration : float or sequence of J float, optional

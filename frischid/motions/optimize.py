@@ -74,9 +74,6 @@ class Search:
 
     Attributes
     ----------
-    family : Family
-    cost : Cost
-    excess : Excess
     duration : float
         Length of the motion, s.
     bounds : {"everywhere", "points"}

@@ -64,7 +64,6 @@ class Nearest:
 
     Attributes
     ----------
-    bodies : str
     distance, margin : float
         m; the distance is infinite if nothing comes nearer than `NEAREST_MEASURED`.
     time : float
@@ -83,7 +82,6 @@ class Programme:
 
     Attributes
     ----------
-    joints : tuple of str
     parts : tuple of ClosedForm
         The ways and the motion, in order; each starts where the last one ends, at rest.
     approach, back : float
@@ -141,8 +139,6 @@ def programme(
 
     Parameters
     ----------
-    robot : Robot
-    plan : Plan
     home : sequence of float, optional
         Pose before and after the motion, rad (m); None: the motion alone.
     share : float
@@ -151,10 +147,6 @@ def programme(
         Runs of the motion, one after another without a pause.
     clearance : Clearance, optional
         Pairs of bodies that must not touch; by default from the URDF's collision shapes and a floor at the base.
-
-    Returns
-    -------
-    Programme
 
     Raises
     ------

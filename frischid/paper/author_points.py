@@ -63,10 +63,6 @@ def load_points(path: str | Path | None = None) -> AuthorPoints:
     path : str or Path, optional
         The authors' ``final.mat``, or a table with the columns of a log.
 
-    Returns
-    -------
-    AuthorPoints
-
     Raises
     ------
     InputError

@@ -47,7 +47,6 @@ class ArmMotion:
 
     Attributes
     ----------
-    arm : PlanarArm
     t : ndarray, shape (N,)
     states : ndarray, shape (3, N, 2)
         q, q̇, q̈.
@@ -116,10 +115,6 @@ def study(
 
     Parameters
     ----------
-    motion : ArmMotion
-    runs : int
-    as_published : bool
-    seed : int
     progress : callable
         Called with the runs done and the runs wanted.
 
@@ -184,7 +179,6 @@ class AuthorsRecursion(NamedTuple):
 
     Attributes
     ----------
-    last : Box
     lower, upper : ndarray, shape (H, 9)
         Bounds after the windows `history_steps`.
     crossed : bool
@@ -209,10 +203,6 @@ def authors_recursion(rows: Array, one_shot: Box) -> AuthorsRecursion:
         The first N rows of [W τ], N the number of samples.
     one_shot : Box
         Of the complete log.
-
-    Returns
-    -------
-    AuthorsRecursion
     """
     first = simplex(rows[:WINDOW].T @ rows[:WINDOW], one_shot.names).box()
     known = np.asarray(SIGNS) > 0

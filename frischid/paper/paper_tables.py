@@ -29,9 +29,6 @@ class PaperTable:
 
     Attributes
     ----------
-    title : str
-    headings : tuple of str
-    rows : tuple of tuple of str
     words : int
         Columns, from the left, that hold words.
     notes : tuple of str
@@ -70,7 +67,6 @@ def costs_19(arm: PlanarArm, points: AuthorPoints, noise: Array) -> Array:
 
     Parameters
     ----------
-    arm : PlanarArm
     points : AuthorPoints
         M points.
     noise : ndarray, shape (D, 3, M, 2)

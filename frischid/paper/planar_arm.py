@@ -49,7 +49,6 @@ class PlanarArm:
 
     Attributes
     ----------
-    title : str
     regressor : Regressor
         All columns, dependent ones included.
     independent, dependent : tuple of str
@@ -172,7 +171,6 @@ def regrouping_error(arm: PlanarArm, t: Array, q: Array, v: Array, a: Array) -> 
 
     Parameters
     ----------
-    arm : PlanarArm
     t : ndarray, shape (N,)
     q, v, a : ndarray, shape (N, 2)
     """

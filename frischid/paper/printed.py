@@ -45,8 +45,6 @@ class ParameterRow:
 
     Attributes
     ----------
-    symbol, stands_for, unit : str
-    reference : float
     lower, upper, selected, error : Spread
         The columns θ_min, θ_max (Table 3), θ* and e (Table 4).
     """

@@ -34,7 +34,6 @@ class JointRows:
 
     Attributes
     ----------
-    regressor : Regressor
     columns : tuple of Column
         The p kept columns.
     joints : tuple of str

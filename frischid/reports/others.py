@@ -64,8 +64,6 @@ def earlier_steps(model: Model, logs: Sequence[Log], prediction: Prediction) -> 
 
     Parameters
     ----------
-    model : Model
-    logs : sequence of Log
     prediction : Prediction
         Of the model along these logs.
     """

@@ -24,16 +24,13 @@ class Body:
 
     Attributes
     ----------
-    joint : str
     parent : int
         Index of the parent body; -1 for the base.
     rotation, translation : ndarray, shape (3, 3) and (3,)
         Pose of the joint at zero in the parent's joint frame.
     axis : ndarray, shape (3,)
-    slides : bool
     leader : int
         Index of the independent joint that moves the body.
-    factor, shift : float
     """
 
     joint: str
@@ -95,7 +92,6 @@ def tip_positions(robot: Robot, q: Array) -> Array:
 
     Parameters
     ----------
-    robot : Robot
     q : ndarray, shape (N, J)
         Joint positions, rad (m).
 
@@ -127,7 +123,6 @@ def skeleton(robot: Robot, q: Array) -> tuple[Array, list[int], dict[str, int], 
 
     Parameters
     ----------
-    robot : Robot
     q : ndarray, shape (J,)
         Pose, rad (m).
 

@@ -22,7 +22,6 @@ class MimicRule(NamedTuple):
     ----------
     leader : str
         The independent joint that the mimic joint follows.
-    factor : float
     shift : float
         rad (m).
     """

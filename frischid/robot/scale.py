@@ -44,10 +44,6 @@ class RobotScale:
     def of(cls, robot: Robot) -> RobotScale:
         """The scale of a robot.
 
-        Parameters
-        ----------
-        robot : Robot
-
         Examples
         --------
         >>> import frischid as fr

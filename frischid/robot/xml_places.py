@@ -26,7 +26,6 @@ class Element:
 
     Attributes
     ----------
-    name : str
     attributes : dict of str to str
     tag : (int, int)
         Bytes of the start tag.
@@ -36,7 +35,6 @@ class Element:
         Line of the start tag, from 1.
     empty : bool
         Whether the start tag is the whole element, as in ``<mass value="1"/>``.
-    children : list of Element
     """
 
     name: str
@@ -63,7 +61,6 @@ def elements(data: bytes, source: str) -> Element:
 
     Parameters
     ----------
-    data : bytes
     source : str
         Name of the file in messages.
 

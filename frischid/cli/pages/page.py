@@ -23,7 +23,6 @@ class Page:
 
     Attributes
     ----------
-    data : plain JSON values
     parts : sequence
         Text and tables.
     alarms : sequence of Alarm
@@ -85,8 +84,6 @@ def table_of(*columns: str, title: str | None = None, droppable: Sequence[str] =
 
     Parameters
     ----------
-    *columns : str
-    title : str, optional
     droppable : sequence of str
         Columns that a narrow terminal may go without, the least important first.
     """

@@ -25,7 +25,6 @@ class Chapter:
     ----------
     anchor : str
         Name of its template and of its place on the page.
-    heading : str
     content : callable
         Makes the values for the template from a study and the name of the model's file.
     """

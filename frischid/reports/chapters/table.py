@@ -12,12 +12,10 @@ class Table:
 
     Attributes
     ----------
-    headings : sequence of str
     rows : sequence of sequence of str
         As many cells per row as there are headings.
     words : int
         Number of columns, from the left, that hold words; the others hold numbers.
-    caption : str
     """
 
     headings: Sequence[str]
