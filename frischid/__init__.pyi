@@ -32,7 +32,7 @@ from .forward.torque_sources import PositionController as PositionController
 from .forward.torque_sources import RecordedTorque as RecordedTorque
 from .logs.controller import PDController as PDController
 from .logs.current_gains import CurrentGains as CurrentGains
-from .logs.given import log_of_frame as log_of_frame
+from .logs.frames import log_of_frame as log_of_frame
 from .logs.log import Log as Log
 from .logs.mapping import LogMap as LogMap
 from .logs.readers import read_chunks as read_chunks

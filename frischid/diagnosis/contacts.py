@@ -178,7 +178,7 @@ def _bursts(validator: CrossValidator, rest: CrossValidator, theta: Array, unit:
         for row, noise in enumerate(scale):
             joint, active = data.of_motion(row, number), data.cache.active[row]
             variance = np.einsum("ni,ij,nj->n", joint.Y, covariance[np.ix_(active, active)], joint.Y, optimize=True)
-            error = joint.tau - validator.columns.predicted(joint, theta)
+            error = validator.columns.residual(joint, theta)
             sigma = np.sqrt(noise**2 + variance)
             z[joint.picked, row], friction[joint.picked, row] = error / sigma, dry[row] / sigma
         reach = filtered_width(validator.model.lowpass, data.cache.motions[number].step)

@@ -125,10 +125,6 @@ class CrossValidator:
         """The same data and columns under another prior."""
         return replace(self, fit=WeightedFit.of(self.columns, prior, self.spread))
 
-    def with_known_residual(self, known: Array) -> CrossValidator:
-        """The same fit, where only the error above a known NRMSE of each joint, (J,), counts as new."""
-        return replace(self, known_residual=known)
-
     def without(self, stretches: Sequence[Stretch]) -> CrossValidator:
         """The same columns and prior without some stretches of time: (source, start, stop) each, s."""
         columns = ModelColumns.of(self.data.without(stretches), self.columns.added)
@@ -235,7 +231,7 @@ class CrossValidator:
     def screened(self, places: Sequence[Sequence[Effect]]) -> list[Sequence[Effect]]:
         """The shapes of each effect that best fit the residual, where an effect has many."""
         columns, theta = self.columns, self.theta
-        return screened(self.data, places, lambda x: x.tau - columns.predicted(x, theta), self.fit.omega)
+        return screened(self.data, places, lambda x: columns.residual(x, theta), self.fit.omega)
 
     def fits(self, candidates: Sequence[Candidate]) -> list[Fits]:
         """Fits of some candidates, each alone. They are kept; many candidates at once are fitted faster."""

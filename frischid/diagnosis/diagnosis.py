@@ -43,7 +43,7 @@ from frischid.diagnosis.model_notes import delay_in, limit_in, touch_in, untried
 from frischid.diagnosis.probability import probabilities
 from frischid.diagnosis.residual_formula import describe
 from frischid.diagnosis.result import Diagnosis
-from frischid.diagnosis.situation import Situation, SituationOption, check_situation, cross_validator, priors_of
+from frischid.diagnosis.situation import Situation, SituationOption, cross_validator, logs_to_diagnose, priors_of
 from frischid.diagnosis.torque_limits import beyond_limits, find_limits
 from frischid.diagnosis.unmodelled_terms import unmodelled_term
 from frischid.diagnosis.verdict import (
@@ -61,14 +61,13 @@ from frischid.diagnosis.verdict import (
 from frischid.effects import EFFECTS
 from frischid.errors import InputError, UnknownNameError
 from frischid.logs.excerpt import as_recording, excerpt
-from frischid.logs.given import Logs, as_logs
+from frischid.logs.given import Logs
 from frischid.logs.log import Log
 from frischid.logs.mapping import MappingLike
 from frischid.logs.poses import NOTHING_MOVES, in_motion
-from frischid.logs.recording import Recording, check_logs
+from frischid.logs.recording import Recording
 from frischid.model.headline import Headline, headline
 from frischid.model.model import Model
-from frischid.model.model_argument import check_model
 from frischid.model.standstill_joints import standstill_note
 
 
@@ -140,10 +139,7 @@ def diagnose(
     >>> found.headline.nrmse == fr.compare(model, logs[1:]).nrmse
     True
     """
-    check_model(model)
-    logs, valid = as_logs(logs, model.robot.joints, mapping), as_logs(valid, model.robot.joints, mapping, "valid")
-    if not logs:
-        raise InputError("there is no log to diagnose; give at least one")
+    logs, valid = logs_to_diagnose(model, logs, valid, situation, mapping)
     for name in effects or ():
         if not isinstance(name, str):
             raise InputError(f"effects to try must be names such as 'joint_spring', got {shortened(name)}")
@@ -154,8 +150,6 @@ def diagnose(
             raise UnknownNameError("effect", name, EFFECTS)
     if workers is not None:
         check_kind("workers", workers, Workers, "with frischid.core.parallel.workers(count=2) as workers")
-    check_situation(situation)
-    check_logs(logs, valid)
     model.check([*logs, *valid])
     progress("reading logs")
     touched = contacts_at_rest(model, logs)

@@ -121,7 +121,7 @@ def _curve(validator: CrossValidator, row: int, candidate: Candidate, fit: Candi
     parts = [
         (
             data.tau,
-            data.tau - validator.columns.predicted(data, validator.theta),
+            validator.columns.residual(data, validator.theta),
             validator.columns.predicted(data, fit.change, candidate, fit.beta),
         )
         for data in validator.data.motions_of(row)

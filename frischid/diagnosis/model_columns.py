@@ -115,7 +115,10 @@ class ModelColumns:
             added.append((candidate, beta))
         return self.data.predicted(data, theta[..., : ends[0]], added)
 
+    def residual(self, data: JointData, theta: Array) -> Array:
+        """Residual of a joint's rows over one motion under some parameters, (n,)."""
+        return np.asarray(data.tau - self.predicted(data, theta))
+
     def residuals(self, row: int, theta: Array) -> Iterator[Array]:
-        """Residual of a joint's rows under some parameters, motion by motion, (n,) each."""
-        for data in self.data.motions_of(row):
-            yield data.tau - self.predicted(data, theta)
+        """The same motion by motion."""
+        return (self.residual(data, theta) for data in self.data.motions_of(row))

@@ -34,21 +34,19 @@ from frischid.diagnosis.result import Diagnosis
 from frischid.diagnosis.situation import (
     Situation,
     SituationOption,
-    check_situation,
     cross_validator,
+    logs_to_diagnose,
     of_the_training_logs,
 )
-from frischid.errors import InputError
 from frischid.logs.excerpt import as_recording, excerpt
-from frischid.logs.given import Logs, as_logs
+from frischid.logs.given import Logs
 from frischid.logs.log import Log
 from frischid.logs.mapping import MappingLike
 from frischid.logs.poses import in_motion
-from frischid.logs.recording import Recording, check_logs
+from frischid.logs.recording import Recording
 from frischid.model.comparison import compare
 from frischid.model.headline import headline
 from frischid.model.model import Model
-from frischid.model.model_argument import check_model
 from frischid.model.own_logs import own_logs
 
 _TOUCHED = (
@@ -175,7 +173,6 @@ def roles(
     *,
     valid: Sequence[Log | Recording] = (),
     situation: SituationOption = "auto",
-    criteria: DiagnosisCriteria = DIAGNOSIS_CRITERIA,
 ) -> Roles:
     """Give each log its role.
 
@@ -192,9 +189,9 @@ def roles(
     own = tuple(log for log in logs if model.made_from(log))
     diagnosis = None
     if situation == "changed" or (situation == "auto" and not own):
-        situation, diagnosis, before, touched = decided_situation(model, logs, situation, criteria, valid=valid)
+        situation, diagnosis, before, touched = decided_situation(model, logs, situation, valid=valid)
         if touched:
-            here = diagnose(model, logs, valid=valid, situation="always", criteria=criteria)
+            here = diagnose(model, logs, valid=valid, situation="always")
             if here.verdict == "contact":
                 return Roles(tuple(logs), tuple(valid), situation, _TOUCHED, here)
     if situation == "changed":
@@ -305,12 +302,7 @@ def diagnose_in_roles(
     >>> found.verdict, found.headline.measured
     ('none', 'test')
     """
-    check_model(model)
-    logs, valid = as_logs(logs, model.robot.joints, mapping), as_logs(valid, model.robot.joints, mapping, "valid")
-    if not logs:
-        raise InputError("there is no log to diagnose; give at least one")
-    check_situation(situation)
-    check_logs(logs, valid)
+    logs, valid = logs_to_diagnose(model, logs, valid, situation, mapping)
     given = roles(model, logs, valid=valid, situation=situation)
     return diagnose_with(model, given, effects=effects, workers=workers, progress=progress)
 

@@ -170,7 +170,7 @@ def _energy(validator: CrossValidator, row: int, stretch: Stretch, theta: Array)
     for source, data in zip(validator.data.sources, validator.data.motions_of(row), strict=True):
         if source == log:
             t = data.motion.t.read()[data.picked]
-            parts.append((data.tau - validator.columns.predicted(data, theta))[(t >= start) & (t <= stop)])
+            parts.append(validator.columns.residual(data, theta)[(t >= start) & (t <= stop)])
     error = np.concatenate(parts)
     return float(error @ error) / max(len(error), 1)
 
@@ -200,7 +200,7 @@ class _Rows:
         """Rows of one joint, motion by motion."""
         error, clipped, times = list[Array](), list[Array](), list[tuple[str, Array, float]]()
         for source, data in zip(validator.data.sources, validator.data.motions_of(row), strict=True):
-            left = data.tau - validator.columns.predicted(data, theta)
+            left = validator.columns.residual(data, theta)
             t = data.motion.t.read()
             error.append(left)
             clipped.append(data.measured if commanded else data.measured - left)

@@ -44,7 +44,6 @@ from scipy import linalg
 
 from frischid.core.types import Array
 from frischid.diagnosis.candidate_columns import Candidate
-from frischid.diagnosis.dataset import Moments
 from frischid.diagnosis.model_columns import ModelColumns
 from frischid.diagnosis.sign_bounds import multipliers
 from frischid.estimators.autocorrelation import Autocorrelation
@@ -80,18 +79,6 @@ class System(NamedTuple):
     free: Array
     toward: Array
     rise: float
-
-
-class EliminatedSystem(NamedTuple):
-    """Normal equations of a candidate after the parameters are eliminated, for columns of unit norm.
-
-    ``matrix`` (k, k), ``right`` (k,), ``scale`` (k,): norms of the columns, ``shift`` (p, k): H⁻¹ A.
-    """
-
-    matrix: Array
-    right: Array
-    scale: Array
-    shift: Array
 
 
 @dataclass(frozen=True, eq=False)
@@ -207,23 +194,22 @@ class WeightedFit:
         rows = self.columns.gram[..., :-1, :-1]
         return np.asarray(self.omega * np.einsum("ab,fjba->j", self.covariance, rows))
 
-    def eliminated(self, X: Moments, D: Moments, candidate: Candidate, left_out: int | None) -> EliminatedSystem | None:
-        """Normal equations of a candidate without the parameters, on all folds but one; None when a column is zero."""
-        system = self.systems[-1 if left_out is None else left_out]
-        theta = system.free
-        train = [f for f in range(self.columns.data.folds) if f != left_out]
-        k = len(candidate.signs)
-        A, e, own = np.zeros((len(theta), k)), np.zeros(k), np.zeros((k, k))
+    def eliminated(self, candidate: Candidate) -> tuple[Array, Array] | None:
+        """Normal equations, (k, k) and (k,), of a candidate's columns of unit norm without the parameters.
+
+        None when a column is zero.
+        """
+        system, (X, D), k = self.systems[-1], self.columns.moments(candidate), len(candidate.signs)
+        A, e, own = np.zeros((len(system.free), k)), np.zeros(k), np.zeros((k, k))
         for row, x in X.items():
-            cross = self.omega[row] * np.add.reduce(x[train])
+            cross = self.omega[row] * np.add.reduce(x)
             A += cross[:-1]
             e += cross[-1]
-            own += self.omega[row] * np.add.reduce(D[row][train])
+            own += self.omega[row] * np.add.reduce(D[row])
         scale = np.sqrt(own.diagonal())
         if not (scale > 0).all():
             return None
-        HA = solve(system, A)
-        return EliminatedSystem((own - A.T @ HA) / (scale[:, None] * scale), (e - A.T @ theta) / scale, scale, HA)
+        return (own - A.T @ solve(system, A)) / (scale[:, None] * scale), (e - A.T @ system.free) / scale
 
 
 def predictive_squares(products: Array, omega: Array) -> Array:

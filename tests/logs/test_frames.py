@@ -5,7 +5,7 @@ import pyarrow as pa
 import pytest
 
 from frischid.errors import InputError
-from frischid.logs.given import log_of_frame
+from frischid.logs.frames import log_of_frame
 from frischid.logs.readers import read_log, write_log
 
 
