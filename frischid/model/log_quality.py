@@ -163,21 +163,7 @@ added on this joint by name."""
 
 
 def is_answered(model: Model, issue: LogIssue) -> bool:
-    """Whether effects of the model act on all joints of an issue, as the issue asks for.
-
-    Examples
-    --------
-    >>> import frischid as fr
-    >>> from frischid.checks.log_issue import LogIssue
-    >>> from frischid.model.log_quality import is_answered
-    >>> robot = fr.Robot.load("planar2")
-    >>> log = fr.simulate(robot, fr.random_fourier(robot, 8, seed=1), rate=50, noise=fr.Noise(tau=0.1))
-    >>> spring = (*fr.BASELINE, *fr.parse_effects("joint_spring@joint2"))
-    >>> model = fr.identify(robot, [log], effects=spring, recursion="none").model
-    >>> issues = [LogIssue("spring", "a spring may pull", (name,), "possible", "") for name in robot.joints]
-    >>> [is_answered(model, issue) for issue in issues]
-    [False, True]
-    """
+    """Whether effects of the model act on all joints of an issue, as the issue asks for."""
     usual = {effect.id for effect in BASELINE}
     if issue.kind == UNEXPLAINED_TORQUE:
         found = [e for e in model.effects if e.joints and e.id not in usual]
