@@ -10,7 +10,7 @@ from frischid.errors import InputError
 
 
 def check_kind(name: str, value: Any, kind: type, remedy: str) -> None:
-    """Refuse a value of another type.
+    """Refuse (InputError) a value of another type.
 
     Parameters
     ----------
@@ -18,10 +18,6 @@ def check_kind(name: str, value: Any, kind: type, remedy: str) -> None:
         Name of the argument.
     remedy : str
         How to make such a value.
-
-    Raises
-    ------
-    InputError
 
     Examples
     --------
@@ -36,11 +32,7 @@ def check_kind(name: str, value: Any, kind: type, remedy: str) -> None:
 
 
 def check_number(name: str, value: Any) -> None:
-    """Refuse what is no single real number, such as a text or a list.
-
-    Raises
-    ------
-    InputError
+    """Refuse (InputError) what is no single real number, such as a text or a list.
 
     Examples
     --------

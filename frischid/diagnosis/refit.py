@@ -37,12 +37,7 @@ from frischid.regression.structure import structure
 
 
 def check_formulas(model: Model, effects: Sequence[Effect]) -> None:
-    """Refuse formulas that can change nothing: zero, or a combination of columns that the model has.
-
-    Raises
-    ------
-    InputError
-    """
+    """Refuse (InputError) formulas that can change nothing: zero, or a combination of columns that the model has."""
     formulas = tuple(effect for effect in effects if isinstance(effect, Formula))
     if not formulas:
         return

@@ -66,12 +66,7 @@ SituationOption = Literal["auto", "always", "changed"]
 
 
 def check_situation(situation: str) -> None:
-    """Refuse a situation that does not exist.
-
-    Raises
-    ------
-    UnknownNameError
-    """
+    """Refuse (UnknownNameError) a situation that does not exist."""
     if situation not in get_args(SituationOption):
         raise UnknownNameError("situation", situation, get_args(SituationOption))
 

@@ -231,12 +231,7 @@ def refuse_worthless(reports: Sequence[LogReport]) -> None:
 
 
 def check_cutoff(cutoff: Cutoff, logs: Sequence[Data]) -> None:
-    """Refuse a cut-off that a log's rate does not allow.
-
-    Raises
-    ------
-    InputError
-    """
+    """Refuse (InputError) a cut-off that a log's rate does not allow."""
     if not isinstance(cutoff, int | float):
         return
     for log in map(preview_of, logs):

@@ -113,12 +113,7 @@ def highest_frequency(half: Array, velocity: Array, acceleration: Array) -> floa
 
 
 def check_command_rate(family: str, highest: float, rate: float) -> None:
-    """Refuse a rate [Hz] at which rows of a file do not show a family's chirps.
-
-    Raises
-    ------
-    InputError
-    """
+    """Refuse (InputError) a rate [Hz] at which rows of a file do not show a family's chirps."""
     if family in STEP_SHARES and rate < POINTS_IN_FILE * highest:
         raise InputError(
             f"family '{family}' moves with up to {highest:.3g} Hz and needs a rate of at least "

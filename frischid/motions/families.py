@@ -26,12 +26,7 @@ WITHOUT_RETURN = ("bspline", "points")
 
 
 def check_return(family: str, repeat: int) -> None:
-    """Refuse several runs in a row of a family whose motions do not end where they began.
-
-    Raises
-    ------
-    InputError
-    """
+    """Refuse (InputError) several runs in a row of a family whose motions do not end where they began."""
     if repeat > 1 and family in WITHOUT_RETURN:
         raise InputError(
             f"a motion of the family {family} cannot be repeated: it does not end where it began; plan with the family "
