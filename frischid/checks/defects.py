@@ -18,8 +18,7 @@ import numpy as np
 from frischid.checks.log_issue import LogReport, Notebook
 from frischid.core.text import counted
 from frischid.errors import InputError
-from frischid.logs.csv_layout import Layout, csv_layout
-from frischid.logs.csv_text import is_number
+from frischid.logs.csv_layout import Layout, csv_layout, is_number
 from frischid.logs.layouts import layout_of
 from frischid.logs.log import GARBAGE
 from frischid.logs.mapping import LogMap
