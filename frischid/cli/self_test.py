@@ -41,14 +41,14 @@ def self_test() -> list[Trial]:
     """Run all steps; a step that raises has failed, and the next ones still run."""
     done: list[Demo] = []
 
-    def run() -> tuple[bool, str]:
+    def demonstrated() -> tuple[bool, str]:
         from frischid.cli.demo import run
 
         done.append(run(0))
         return True, "an arm with known parameters, and the same arm with a hidden spring"
 
     steps: dict[str, Callable[[], tuple[bool, str]]] = {
-        "simulate, identify, diagnose": run,
+        "simulate, identify, diagnose": demonstrated,
         "parameters": lambda: _parameters(done[0]),
         "missing effect": lambda: _diagnosis(done[0]),
         "save and load": lambda: _saved(done[0]),
