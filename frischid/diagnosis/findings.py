@@ -62,6 +62,7 @@ class Finding:
         Coefficients and shape parameters.
     confused_with : tuple of str
         Effects that explain these data nearly as well.
+    sentence : str
     members : tuple of Effect
         Effects to add to a model: one for every joint, or one for the robot.
     criteria : DiagnosisCriteria

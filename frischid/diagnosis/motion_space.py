@@ -49,6 +49,7 @@ class SimulatedFinding:
 
     Attributes
     ----------
+    finding : Finding
     joints : dict of str to float
         Rms error of the simulated positions with the effect added, rad (m); empty where it cannot be simulated.
     change : float

@@ -26,6 +26,7 @@ class Step:
     ----------
     model : Model
         The model with the effect.
+    effect : Effect
     error_before, error_after : float
         Mean NRMSE on the logs that select, measured as `measured_on` says.
     measured_on : str

@@ -36,6 +36,7 @@ class State:
 
     Attributes
     ----------
+    robot : Robot
     t : ndarray, shape (N,)
         Time, s.
     q, v, a : ndarray, shape (N, J)

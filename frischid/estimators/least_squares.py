@@ -72,6 +72,7 @@ class Estimate:
         Weight of each joint's squared residual.
     condition : float
         Condition number of the column-scaled, weighted regressor.
+    estimator : str
     information : ndarray, shape (p, p)
         Precision of the parameters from the data, ``Σ_j Y_jᵀY_j / σ_j²`` divided by the factor by which correlation
         inflates variances. Another fit may use it as the precision of a prior.

@@ -72,7 +72,9 @@ class DriveParameter:
 
     Attributes
     ----------
+    joint : str
     quantity : {"torque_per_ampere", "stiffness", "damping", "delay", "effort_limit", "armature", "viscous", "coulomb"}
+    unit : str
     value : float
         In `unit`.
     lower, upper : float

@@ -80,6 +80,9 @@ class IdentifyOptions:
     currents : CurrentGains, optional
         Torque per ampere of joints whose logs hold currents and no torque. A gain that is not given is found from the
         URDF's masses (`frischid.model.unknown_gains`).
+    criteria : IdentificationCriteria
+    prior_criteria : PriorCriteria
+    alarm_criteria : AlarmCriteria
 
     Raises
     ------

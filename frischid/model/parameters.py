@@ -19,6 +19,7 @@ class Parameter(NamedTuple):
         Short name, for example ``"mx1R"``.
     expression : str
         The sum of parameters that it stands for, for example ``"mx1 + 0.5 m2"``.
+    unit : str
     joint, effect : str
         Where it belongs; ``"rigid"`` is the effect of the links.
     value, stderr : float

@@ -103,6 +103,7 @@ class MotionLimits:
 
         Parameters
         ----------
+        robot : Robot
         scale : float
             Share of every limit that is used, in (0, 1]; position ranges shrink about their middle.
         acceleration : float or sequence of J float, optional

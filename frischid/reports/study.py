@@ -47,6 +47,7 @@ class Study:
 
     Attributes
     ----------
+    model : Model
     logs : tuple of Log
         Of a long log an excerpt: see `frischid.logs.excerpt`.
     held_out : tuple of str
@@ -63,6 +64,7 @@ class Study:
         On the held-out logs if there are any, otherwise on all logs.
     diagnosis : Diagnosis or None
         The model's own logs select, the others test: see `frischid.diagnosis.roles`.
+    qualities : tuple of Quality
     reduction : Reduction or None
         The identifiable parameters; None when they are not those of the model (another version made the model).
     nominal, truth : ndarray, shape (p,), or None
