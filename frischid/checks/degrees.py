@@ -29,22 +29,16 @@ from frischid.robot.stated_inertials import unstated
 
 @dataclass(frozen=True, eq=False)
 class Implausible:
-    """Joints whose motion is implausible in radians.
-
-    Attributes
-    ----------
-    joints : ndarray of bool, shape (J,)
-    certain : bool
-        Whether nothing but another unit moves so.
-    outside : bool
-        Whether as degrees, too, joints leave their limits: angles of motors behind gears and encoder counts do so, and
-        a joint whose zero is another than the URDF's.
-    """
+    """Joints whose motion is implausible in radians."""
 
     joints: NDArray[np.bool_]
+    """Shape (J,)."""
     evidence: str
     certain: bool
+    """Whether nothing but another unit moves so."""
     outside: bool
+    """Whether as degrees, too, joints leave their limits: angles of motors behind gears and encoder counts do so, and a
+    joint whose zero is another than the URDF's."""
 
 
 def implausible_motion(

@@ -23,17 +23,12 @@ STANDARD_ERRORS = 4.0
 
 @dataclass(frozen=True)
 class Trial:
-    """One step of the self-test.
-
-    Attributes
-    ----------
-    detail : str
-        A figure, or the error.
-    """
+    """One step of the self-test."""
 
     name: str
     passed: bool
     detail: str
+    """A figure, or the error."""
     seconds: float
 
 

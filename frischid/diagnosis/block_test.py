@@ -101,22 +101,15 @@ def block_gains(validator: CrossValidator, candidate: Candidate) -> BlockGains |
 
 
 class _Fits(NamedTuple):
-    """Fits of a candidate without each fold in turn, and to all folds.
-
-    Attributes
-    ----------
-    candidate : Candidate or None
-        None: the model alone.
-    theta, beta : ndarray, shape (folds + 1, p) and (folds + 1, k)
-        The last fit leaves no fold out.
-    shares : ndarray, shape (folds,)
-        Share of the difference between a fold's two errors that counts.
-    """
+    """Fits of a candidate without each fold in turn, and to all folds."""
 
     candidate: Candidate | None
+    """None: the model alone."""
     theta: Array
     beta: Array | None
+    """`theta`, `beta`: The last fit leaves no fold out, (folds + 1, p) and (folds + 1, k)."""
     shares: Array
+    """Share of the difference between a fold's two errors that counts, (folds,)."""
 
     @classmethod
     def of(cls, validator: CrossValidator, candidate: Candidate) -> _Fits | None:

@@ -83,17 +83,12 @@ class Contact:
 
 @dataclass(frozen=True)
 class Burst:
-    """A contact, and the longer stretch over which the filter spreads the contact's torque.
-
-    Attributes
-    ----------
-    start, stop : float
-        s. The fit leaves this stretch out.
-    """
+    """A contact, and the longer stretch over which the filter spreads the contact's torque."""
 
     contact: Contact
     start: float
     stop: float
+    """`start`, `stop`: s. The fit leaves this stretch out."""
 
 
 def stretches(bursts: Sequence[Burst]) -> list[Stretch]:

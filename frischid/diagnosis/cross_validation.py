@@ -47,19 +47,14 @@ from frischid.model.standstill_joints import STANDSTILL_LOG, rows_of
 
 @dataclass(frozen=True, eq=False)
 class CrossValidator:
-    """A model's fit to some logs, fold by fold, ready to score candidates.
-
-    Attributes
-    ----------
-    spread : ndarray, shape (J,)
-        Standard deviation of each joint's torque, N·m (N).
-    known_residual : ndarray, shape (J,)
-        NRMSE of each joint that was there before the robot changed, so it cannot be the change. Zero: all error counts.
-    """
+    """A model's fit to some logs, fold by fold, ready to score candidates."""
 
     fit: WeightedFit
     spread: Array
+    """Standard deviation of each joint's torque, N·m (N), (J,)."""
     known_residual: Array
+    """NRMSE of each joint that was there before the robot changed, so it cannot be the change, (J,). Zero: all error
+    counts."""
     _wider: dict[Candidate, CrossValidator] = field(init=False, repr=False, default_factory=dict)
     _fits: dict[Candidate, Fits] = field(init=False, repr=False, default_factory=dict)
     _predicted: dict[JointData, tuple[Array, Array]] = field(init=False, repr=False, default_factory=dict)

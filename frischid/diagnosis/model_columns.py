@@ -24,19 +24,13 @@ from frischid.diagnosis.dataset import Moments, RegressionData
 
 @dataclass(frozen=True, eq=False)
 class ModelColumns:
-    """Columns of a model with some candidates added, p columns in all.
-
-    Attributes
-    ----------
-    gram : ndarray, shape (folds, J, p + 1, p + 1)
-        Moments of all columns and the torque.
-    added : tuple of Candidate
-        Candidates that were added, in order.
-    """
+    """Columns of a model with some candidates added, p columns in all."""
 
     data: RegressionData
     gram: Array
+    """Moments of all columns and the torque, (folds, J, p + 1, p + 1)."""
     added: tuple[Candidate, ...] = ()
+    """Candidates that were added, in order."""
 
     @classmethod
     def of(cls, data: RegressionData, added: tuple[Candidate, ...] = ()) -> ModelColumns:

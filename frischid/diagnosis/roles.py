@@ -56,48 +56,31 @@ _TOUCHED = (
 
 
 class Roles(NamedTuple):
-    """Logs by their role in a diagnosis.
-
-    Attributes
-    ----------
-    situation : {"auto", "always", "changed"}
-    note : str
-        Where the logs that select come from, if somebody might expect others; otherwise empty.
-    found : Diagnosis or None
-        The diagnosis in these roles, where the roles could not be told without it.
-    before : Model or None
-        The model with the effects that its own logs show, where the robot changed after those logs.
-    always : tuple of Finding
-        The findings with these effects.
-    """
+    """Logs by their role in a diagnosis."""
 
     select: tuple[Log | Recording, ...]
     test: tuple[Log | Recording, ...]
     situation: SituationOption
     note: str
+    """Where the logs that select come from, if somebody might expect others; otherwise empty."""
     found: Diagnosis | None = None
+    """The diagnosis in these roles, where the roles could not be told without it."""
     before: Model | None = None
+    """The model with the effects that its own logs show, where the robot changed after those logs."""
     always: tuple[Finding, ...] = ()
+    """The findings with these effects."""
 
 
 class Decided(NamedTuple):
-    """The situation of some logs.
-
-    Attributes
-    ----------
-    situation : {"always", "changed"}
-    found : Diagnosis or None
-        On the model's own logs, with the others as test; None where no own log was found or needed.
-    before : Model
-        The model with the effects that its own logs show; the model itself where they show none.
-    touched : bool
-        Whether the logs of a robot that has not changed show bursts, as of a touch, which the own logs do not have.
-    """
+    """The situation of some logs."""
 
     situation: Situation
     found: Diagnosis | None
+    """On the model's own logs, with the others as test; None where no own log was found or needed."""
     before: Model
+    """The model with the effects that its own logs show; the model itself where they show none."""
     touched: bool = False
+    """Whether the logs of a robot that has not changed show bursts, as of a touch, which the own logs do not have."""
 
 
 def decided_situation(

@@ -44,23 +44,16 @@ class Watcher(Protocol):
 
 @dataclass(frozen=True, eq=False)
 class ScoredCandidate:
-    """One effect in one place, in the shape that fits best.
-
-    Attributes
-    ----------
-    ratio : float
-        Log likelihood ratio Λ of the folds left out.
-    price : float
-        ½ k log n.
-    explained : float
-        Fall of the sum of the joints' squared held-out NRMSE, without the part that uncertain parameters alone cause.
-    """
+    """One effect in one place, in the shape that fits best."""
 
     candidate: Candidate
     score: Score
     ratio: float
+    """Log likelihood ratio Λ of the folds left out."""
     price: float
+    """½ k log n."""
     explained: float
+    """Fall of the sum of the joints' squared held-out NRMSE, without the part that uncertain parameters alone cause."""
 
     @property
     def together(self) -> Candidate:

@@ -48,22 +48,15 @@ _STRETCHES_TOLD = 3  # in a sentence
 
 @dataclass(frozen=True)
 class TorqueLimit:
-    """A torque at its limit.
-
-    Attributes
-    ----------
-    limit : float
-        N·m (N).
-    commanded : bool
-        Whether the log holds the commanded torque, which goes beyond the limit.
-    stretches : tuple of (str, float, float)
-        Log, start and stop, s: where the torque is at its limit.
-    """
+    """A torque at its limit."""
 
     joint: str
     limit: float
+    """N·m (N)."""
     commanded: bool
+    """Whether the log holds the commanded torque, which goes beyond the limit."""
     stretches: tuple[Stretch, ...]
+    """Log, start and stop, s: where the torque is at its limit."""
 
     def __str__(self) -> str:
         c, found = f"{self.limit:.3g} N·m (N)", self.stretches
@@ -177,23 +170,17 @@ def _energy(validator: CrossValidator, row: int, stretch: Stretch, theta: Array)
 
 @dataclass(frozen=True, eq=False)
 class _Rows:
-    """Rows of a joint under some parameters.
-
-    Attributes
-    ----------
-    error : ndarray, shape (n,)
-        Measured torque less that of the model, N·m (N).
-    size, side : ndarray, shape (n,)
-        Absolute value and sign of the torque that a limit would clip: that of the model, or the commanded one.
-    times : sequence of (str, ndarray, float)
-        Of each motion: the log, the times of its rows, and the step of the filtered samples, s.
-    """
+    """Rows of a joint under some parameters."""
 
     error: Array
+    """Measured torque less that of the model, N·m (N), (n,)."""
     size: Array
     side: Array
+    """`size`, `side`: Absolute value and sign of the torque that a limit would clip, (n,): that of the model, or the
+    commanded one."""
     commanded: bool
     times: Sequence[tuple[str, Array, float]]
+    """Of each motion: the log, the times of its rows, and the step of the filtered samples, s."""
 
     @classmethod
     def of(cls, validator: CrossValidator, row: int, theta: Array, commanded: bool) -> _Rows:

@@ -59,32 +59,22 @@ LIKE_THE_TWIN = "a robot that misses nothing has as much error there, because se
 
 @dataclass(frozen=True, eq=False)
 class StageResults:
-    """Results of the stages before the verdict.
-
-    Attributes
-    ----------
-    validator : CrossValidator
-        Fit to the logs without the contacts.
-    situation : {"always", "changed"}
-    floor : ndarray, shape (J,)
-        Sensor noise of each joint, N·m (N).
-    least : ndarray, shape (J,)
-        Error where no effect is missing, N·m (N): the healthy twin's, or the floor where that is larger.
-    findings : tuple of Finding
-        Best first.
-    said : str
-        A sentence on repeated motions, empty without any.
-    """
+    """Results of the stages before the verdict."""
 
     validator: CrossValidator
+    """Fit to the logs without the contacts."""
     situation: Situation
     floor: Array
+    """Sensor noise of each joint, N·m (N), (J,)."""
     least: Array
+    """Error where no effect is missing, N·m (N), (J,): the healthy twin's, or the floor where that is larger."""
     contacts: tuple[Contact, ...]
     findings: tuple[Finding, ...]
+    """Best first."""
     ranking: Ranking
     unmodelled: UnmodelledTerm | None
     said: str = ""
+    """A sentence on repeated motions, empty without any."""
     limits: tuple[TorqueLimit, ...] = ()
 
     @property

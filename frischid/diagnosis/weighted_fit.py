@@ -58,51 +58,34 @@ _RIDGE = 1e-10  # share of each diagonal element of H that is added, against rou
 
 
 class System(NamedTuple):
-    """Normal equations of the parameters on some folds, solved.
-
-    Attributes
-    ----------
-    factor : (ndarray, bool)
-        Cholesky factor of H.
-    theta : ndarray, shape (p,)
-        Parameters, each of its known sign.
-    free : ndarray, shape (p,)
-        Parameters without regard to their signs.
-    toward : ndarray, shape (p, m)
-        Columns of H⁻¹ of the m parameters of known sign.
-    rise : float
-        Weighted squared error of `theta` above that of `free`.
-    """
+    """Normal equations of the parameters on some folds, solved."""
 
     factor: tuple[Array, bool]
+    """Cholesky factor of H."""
     theta: Array
+    """Parameters, each of its known sign, (p,)."""
     free: Array
+    """Parameters without regard to their signs, (p,)."""
     toward: Array
+    """Columns of H⁻¹ of the m parameters of known sign, (p, m)."""
     rise: float
+    """Weighted squared error of `theta` above that of `free`."""
 
 
 @dataclass(frozen=True, eq=False)
 class WeightedFit:
-    """Fit of p columns on all folds, and on all folds but each one.
-
-    Attributes
-    ----------
-    omega : ndarray, shape (J,)
-        Weight of each joint's squared residual.
-    systems : list of System
-        Without each fold in turn, then of everything.
-    sigma : ndarray, shape (J,)
-        Standard deviation of each joint's residual, N·m (N).
-    correlation : ndarray, shape (J,)
-        Its correlation time in samples.
-    """
+    """Fit of p columns on all folds, and on all folds but each one."""
 
     columns: ModelColumns
     prior: Prior
     omega: Array
+    """Weight of each joint's squared residual, (J,)."""
     systems: list[System]
+    """Without each fold in turn, then of everything."""
     sigma: Array
+    """Standard deviation of each joint's residual, N·m (N), (J,)."""
     correlation: Array
+    """Its correlation time in samples, (J,)."""
 
     @classmethod
     def of(cls, columns: ModelColumns, prior: Prior, spread: Array) -> WeightedFit:

@@ -53,37 +53,26 @@ HELD = 1e-4
 
 @dataclass(frozen=True, eq=False)
 class MapEstimate:
-    """Parameters fitted with a prior, with a covariance that contains the model's own error.
-
-    Attributes
-    ----------
-    theta : ndarray, shape (p,)
-        Base parameters.
-    covariance : ndarray, shape (p, p)
-    full : ndarray, shape (C,)
-        Every parameter of the prior.
-    full_covariance : ndarray, shape (C, C)
-    variance : ndarray, shape (J,)
-        Residual variance σ² of each joint.
-    rows : float
-        κ, rows that each joint's data count for.
-    prior : ParameterPrior
-        The prior with the scales from the data.
-    condition : float
-        Square root of the condition number of the scaled normal equations.
-    contradicted : tuple of (str, float)
-        Parameters of known sign to which the data would give the other sign, and by how many standard errors.
-    """
+    """Parameters fitted with a prior, with a covariance that contains the model's own error."""
 
     theta: Array
+    """Base parameters, (p,)."""
     covariance: Array
+    """Shape (p, p)."""
     full: Array
+    """Every parameter of the prior, (C,)."""
     full_covariance: Array
+    """Shape (C, C)."""
     variance: Array
+    """Residual variance σ² of each joint, (J,)."""
     rows: float
+    """κ, rows that each joint's data count for."""
     prior: ParameterPrior
+    """The prior with the scales from the data."""
     condition: float
+    """Square root of the condition number of the scaled normal equations."""
     contradicted: tuple[tuple[str, float], ...]
+    """Parameters of known sign to which the data would give the other sign, and by how many standard errors."""
 
     @property
     def from_log(self) -> Array:

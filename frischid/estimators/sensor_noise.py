@@ -45,21 +45,14 @@ SAME_CHANNEL = 2e-7  # relative difference of two channels that is rounding of t
 
 @dataclass(frozen=True)
 class Probe:
-    """How a sensor is displaced for the differences of moments.
-
-    Attributes
-    ----------
-    step : float
-        Displacement as a share of what the sensor's channels span: rms of q̇ and q̈, 1 rad (m) of q.
-    repeats : int
-        Sets of random signs to average over; one is enough unless the log is short and filtered.
-    seed : int
-        Of the random signs.
-    """
+    """How a sensor is displaced for the differences of moments."""
 
     step: float = 0.03
+    """Displacement as a share of what the sensor's channels span: rms of q̇ and q̈, 1 rad (m) of q."""
     repeats: int = 1
+    """Sets of random signs to average over; one is enough unless the log is short and filtered."""
     seed: int = 0
+    """Of the random signs."""
 
 
 PROBE = Probe()
@@ -67,19 +60,13 @@ PROBE = Probe()
 
 @dataclass(frozen=True, eq=False)
 class Sensor:
-    """One stream of errors and the channels of one joint it enters.
-
-    Attributes
-    ----------
-    name : str
-        Such as ``"q joint1"``.
-    taps : dict of str to ndarray
-        Channel (``"q"``, ``"v"``, ``"a"``) -> odd-length filter from the sensor's errors to that channel's.
-    """
+    """One stream of errors and the channels of one joint it enters."""
 
     name: str
+    """Such as ``"q joint1"``."""
     joint: int
     taps: Mapping[str, Array]
+    """Channel (``"q"``, ``"v"``, ``"a"``) -> odd-length filter from the sensor's errors to that channel's."""
 
 
 def sensors_of(motion: Motion, robot: Robot, lowpass: LowPass) -> list[Sensor]:

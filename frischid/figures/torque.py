@@ -48,19 +48,13 @@ EXCLUDED = "#f3d9b1"
 
 @dataclass(frozen=True, eq=False)
 class Overlay:
-    """Another model along the same samples.
-
-    Attributes
-    ----------
-    name : str
-        For legends.
-    visible : bool
-        Whether the curves are shown at first.
-    """
+    """Another model along the same samples."""
 
     name: str
+    """For legends."""
     prediction: Prediction
     visible: bool = True
+    """Whether the curves are shown at first."""
 
 
 def measured(

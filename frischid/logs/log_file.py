@@ -22,17 +22,12 @@ MOST_MAPPING_BYTES = 1 << 20
 
 @dataclass(frozen=True)
 class StoredFile:
-    """A file as it was when it was read.
-
-    Attributes
-    ----------
-    bytes : int
-        Its size; of a folder, that of its files together.
-    """
+    """A file as it was when it was read."""
 
     path: str
     sha256: str
     bytes: int
+    """Its size; of a folder, that of its files together."""
 
 
 @dataclass(frozen=True)

@@ -35,15 +35,10 @@ _ANY = 1e-12
 
 @dataclass(frozen=True)
 class _Lead(Coulomb):
-    """The column of an error of the lead: rate of dry friction's sign by the lead.
-
-    Attributes
-    ----------
-    span : float
-        h of the module's text, s.
-    """
+    """The column of an error of the lead: rate of dry friction's sign by the lead."""
 
     span: float = 1e-3
+    """h of the module's text, s."""
 
     def terms(self, state: State) -> list[Term]:
         """One column per joint, λ in N·m·s (N·s)."""

@@ -52,24 +52,17 @@ from frischid.robot.stated_inertials import unstated
 
 @dataclass(frozen=True, eq=False)
 class Problem:
-    """Stage 2: the regression problem, as moments of [Y τ].
-
-    Attributes
-    ----------
-    reduction : Reduction
-        Base parameters of the regressor's columns.
-    blocks : Blocks
-        Moments of the base columns in consecutive stretches of time.
-    whole : Gram
-        Their sum.
-    """
+    """Stage 2: the regression problem, as moments of [Y τ]."""
 
     data: LogData
     effects: tuple[Effect, ...]
     regressor: Regressor
     reduction: Reduction
+    """Base parameters of the regressor's columns."""
     blocks: Blocks
+    """Moments of the base columns in consecutive stretches of time."""
     whole: Gram
+    """Their sum."""
 
     @cached_property
     def urdf(self) -> ParameterPrior:
@@ -81,31 +74,21 @@ class Problem:
 
 @dataclass(frozen=True, eq=False)
 class PriorSet:
-    """Stage 3: the problem and its prior.
-
-    Attributes
-    ----------
-    prior : ParameterPrior or None
-        Of all parameters; None: the logs alone.
-    """
+    """Stage 3: the problem and its prior."""
 
     problem: Problem
     prior: ParameterPrior | None
+    """Of all parameters; None: the logs alone."""
 
 
 @dataclass(frozen=True, eq=False)
 class Fit:
-    """Stage 4: the estimate.
-
-    Attributes
-    ----------
-    posterior : MapEstimate or None
-        Of all parameters, where there is a prior.
-    """
+    """Stage 4: the estimate."""
 
     problem: Problem
     estimate: Estimate
     posterior: MapEstimate | None
+    """Of all parameters, where there is a prior."""
 
 
 def read_logs(

@@ -31,24 +31,16 @@ Poses = tuple[Array, Mapping[str, Array]]
 
 
 class LeastInertia(NamedTuple):
-    """The least eigenvalue of a model's mass matrix at some poses.
-
-    Attributes
-    ----------
-    value : float
-        kg·m² (kg).
-    joint : str
-        The joint with the largest part in its eigenvector.
-    position : float
-        Of this joint, rad (m).
-    share : float
-        Share of the poses at which the mass matrix is not positive definite.
-    """
+    """The least eigenvalue of a model's mass matrix at some poses."""
 
     value: float
+    """kg·m² (kg)."""
     joint: str
+    """The joint with the largest part in its eigenvector."""
     position: float
+    """Of this joint, rad (m)."""
     share: float
+    """Share of the poses at which the mass matrix is not positive definite."""
 
 
 def mass_matrices(model: Model, poses: Poses) -> Array:

@@ -35,48 +35,34 @@ from frischid.regression.structure import structure
 
 @dataclass(frozen=True, eq=False)
 class Quality:
-    """One log under a model's filter; arrays have one entry for each of the robot's J joints.
-
-    Attributes
-    ----------
-    seconds, rate : float
-        s, Hz of the median step.
-    steps : (float, float)
-        Shortest and longest time between samples, s.
-    gaps : int
-        Steps longer than five times the median.
-    kept : float
-        Seconds that remain after trimming and splitting; of an arm at standstill, those of its poses.
-    noise : dict of str to ndarray, shape (J,)
-        Standard deviation of the white noise of ``q`` and ``tau`` (rad, N·m; m, N), ``v`` where measured.
-    lower, upper : ndarray, shape (J,)
-        Positions reached.
-    speed, acceleration : ndarray, shape (J,)
-        Largest absolute values reached.
-    standstill : ndarray, shape (J,)
-        Share of the samples at standstill.
-    notes, warnings : tuple of str
-        Changes of the log's data, and suspicious findings.
-    answered : tuple of str
-        Suspicious findings that effects of the model answer (`frischid.model.log_quality`).
-    """
+    """One log under a model's filter; arrays have one entry for each of the robot's J joints."""
 
     source: str
     samples: int
     seconds: float
     rate: float
+    """`seconds`, `rate`: s, Hz of the median step."""
     steps: tuple[float, float]
+    """Shortest and longest time between samples, s."""
     gaps: int
+    """Steps longer than five times the median."""
     kept: float
+    """Seconds that remain after trimming and splitting; of an arm at standstill, those of its poses."""
     noise: dict[str, Array]
+    """Standard deviation of the white noise of ``q`` and ``tau`` (rad, N·m, (J,); m, N), ``v`` where measured."""
     lower: Array
     upper: Array
+    """`lower`, `upper`: Positions reached, (J,)."""
     speed: Array
     acceleration: Array
+    """`speed`, `acceleration`: Largest absolute values reached, (J,)."""
     standstill: Array
+    """Share of the samples at standstill, (J,)."""
     notes: tuple[str, ...]
     warnings: tuple[str, ...]
+    """`notes`, `warnings`: Changes of the log's data, and suspicious findings."""
     answered: tuple[str, ...] = ()
+    """Suspicious findings that effects of the model answer (`frischid.model.log_quality`)."""
 
     def to_dict(self) -> dict[str, Any]:
         """Plain JSON values."""

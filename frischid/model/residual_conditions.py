@@ -37,43 +37,29 @@ CONDITION_ORDER = (
 
 @dataclass(frozen=True)
 class Condition:
-    """Error of a joint under one condition.
-
-    Attributes
-    ----------
-    ratio : float
-        Rms residual inside over the joint's rms residual.
-    rmse : float
-        Rms residual inside, N·m (N).
-    p_value : float
-        Probability of so large a ratio by chance.
-    """
+    """Error of a joint under one condition."""
 
     joint: str
     condition: str
     ratio: float
+    """Rms residual inside over the joint's rms residual."""
     rmse: float
+    """Rms residual inside, N·m (N)."""
     samples: int
     p_value: float
+    """Probability of so large a ratio by chance."""
 
 
 @dataclass(frozen=True)
 class Structure:
-    """Structure of a joint's residual error.
-
-    Attributes
-    ----------
-    correlation_time : float
-        Correlation time of the residual, s.
-    white_time : float
-        Correlation time of white noise after the filter, s.
-    depends_on : dict of str to float
-        Variable -> p value of independence (Chatterjee's ξ).
-    """
+    """Structure of a joint's residual error."""
 
     correlation_time: float
+    """Correlation time of the residual, s."""
     white_time: float
+    """Correlation time of white noise after the filter, s."""
     depends_on: Mapping[str, float]
+    """Variable -> p value of independence (Chatterjee's ξ)."""
 
     @property
     def white(self) -> bool:

@@ -90,19 +90,13 @@ def damping_notes(controller: PDController | None, effects: Sequence[Effect], jo
 
 @dataclass(frozen=True)
 class DampingSum:
-    """kd + fv of one joint: both resist the joint's own velocity, so logs know the sum best.
-
-    Attributes
-    ----------
-    value, stderr : float
-        N·m·s/rad (N·s/m). The standard error of the sum has the correlation of the two.
-    apart : bool
-        Whether the model has kd as a parameter of its own, beside fv.
-    """
+    """kd + fv of one joint: both resist the joint's own velocity, so logs know the sum best."""
 
     value: float
     stderr: float
+    """`value`, `stderr`: N·m·s/rad (N·s/m). The standard error of the sum has the correlation of the two."""
     apart: bool
+    """Whether the model has kd as a parameter of its own, beside fv."""
 
 
 def damping_sum(model: Model, joint: str) -> DampingSum | None:

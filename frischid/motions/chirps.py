@@ -54,20 +54,14 @@ SHORTEST = 4.0
 
 
 class Law(NamedTuple):
-    """Steps and chirps with unit coefficients at dense times.
-
-    Attributes
-    ----------
-    t : ndarray, shape (M,)
-    rows : ndarray, shape (3, M, P)
-        Position, velocity and acceleration of every coefficient.
-    constant : ndarray, shape (P,)
-        Coefficients of the motion that stays at 1.
-    """
+    """Steps and chirps with unit coefficients at dense times."""
 
     t: Array
+    """Shape (M,)."""
     rows: Array
+    """Position, velocity and acceleration of every coefficient, (3, M, P)."""
     constant: Array
+    """Coefficients of the motion that stays at 1, (P,)."""
 
 
 def law(family: str, duration: float, size: int, highest: float) -> Law:

@@ -25,24 +25,17 @@ _CHANCE = 0.05
 
 @dataclass(frozen=True)
 class PaperTable:
-    """A table of the paper, computed again.
-
-    Attributes
-    ----------
-    words : int
-        Columns, from the left, that hold words.
-    notes : tuple of str
-        Why ours and the printed figures differ, or that they do not.
-    numbers : mapping
-        The same figures as plain JSON values, in full precision.
-    """
+    """A table of the paper, computed again."""
 
     title: str
     headings: tuple[str, ...]
     rows: tuple[tuple[str, ...], ...]
     words: int
+    """Columns, from the left, that hold words."""
     notes: tuple[str, ...]
+    """Why ours and the printed figures differ, or that they do not."""
     numbers: Mapping[str, Any]
+    """The same figures as plain JSON values, in full precision."""
 
 
 def table_1() -> PaperTable:

@@ -20,26 +20,19 @@ from frischid.robot.robot import Robot
 
 @dataclass(frozen=True, eq=False)
 class Body:
-    """One moving body, and the joint that connects it to its parent.
-
-    Attributes
-    ----------
-    parent : int
-        Index of the parent body; -1 for the base.
-    rotation, translation : ndarray, shape (3, 3) and (3,)
-        Pose of the joint at zero in the parent's joint frame.
-    axis : ndarray, shape (3,)
-    leader : int
-        Index of the independent joint that moves the body.
-    """
+    """One moving body, and the joint that connects it to its parent."""
 
     joint: str
     parent: int
+    """Index of the parent body; -1 for the base."""
     rotation: Array
     translation: Array
+    """`rotation`, `translation`: Pose of the joint at zero in the parent's joint frame, (3, 3) and (3,)."""
     axis: Array
+    """Shape (3,)."""
     slides: bool
     leader: int
+    """Index of the independent joint that moves the body."""
     factor: float
     shift: float
 
