@@ -103,17 +103,18 @@ def explain(sketch: Sketch, contradicted: Callable[[Sketch], bool] = lambda corr
     """
     fits = RowFits(sketch)
     null = Hypothesis((), fits.total(sketch.asis), sketch.asis, sketch)
-    found = _readings(sketch, ())
+    found = _readings(fits, ())
     for item in position_faults(sketch):
-        found += _readings(item.sketch, (item.fault,))
-    starts = [null, *_alone(sketch, found[0]), *_best(found), *_readings(sketch, (), simple=True)]
+        found += _readings(RowFits(item.sketch, fits), (item.fault,))
+    starts = [null, *_alone(sketch, found[0]), *_best(found), *_readings(fits, (), simple=True)]
     found += [*_of_the_robot(starts), *_without_one_row(sketch)]
     found += _of_the_robot(h for h in found if len(h.faults) == 1 and h.faults[0].kind in SHARED_KINDS)
     if _has_room(max([*found, null], key=_score)):
         for start in _best(found):
+            begun = RowFits(start.sketch)
             for item in position_faults(start.sketch):
                 if (item.fault.kind, item.fault.where) not in start.key:  # undone twice is as it was
-                    found += _readings(item.sketch, (*start.faults, item.fault))
+                    found += _readings(RowFits(item.sketch, begun), (*start.faults, item.fault))
         found += [_hypothesis((item.fault,), item.sketch) for item in joint_faults(sketch)]
         behind = _behind_the_robot(found)
         found += (shared := _of_the_robot([*behind, *_best(h for h in found if _has_robot_fault(h))]))
@@ -198,9 +199,9 @@ def _has_robot_fault(hypothesis: Hypothesis) -> bool:
     return any(f.kind in ROBOT_KINDS for f in hypothesis.faults)
 
 
-def _readings(sketch: Sketch, faults: tuple[Fault, ...], *, simple: bool = False) -> list[Hypothesis]:
+def _readings(fits: RowFits, faults: tuple[Fault, ...], *, simple: bool = False) -> list[Hypothesis]:
     """The best readings of the torques, with some faults undone already."""
-    fits = RowFits(sketch)
+    sketch = fits.sketch
     paid = sum(f.cost for f in faults)
     plain = sketch.errors(sketch.nominal)
     found = [Hypothesis(faults, fits.total(plain) - paid, plain, sketch)] if faults else []
@@ -298,7 +299,7 @@ def _without_one_row(sketch: Sketch) -> list[Hypothesis]:
     found: list[Hypothesis] = []
     for left_out in sketch.rows if len(sketch.rows) > 2 else ():
         for item in shared_faults(RowFits(replace(sketch, rows=sketch.rows[sketch.rows != left_out]))):
-            found += _readings(replace(item.sketch, rows=sketch.rows), (item.fault,))
+            found += _readings(RowFits(replace(item.sketch, rows=sketch.rows)), (item.fault,))
     return found
 
 
