@@ -98,7 +98,6 @@ def explain(sketch: Sketch, contradicted: Callable[[Sketch], bool] = lambda corr
 
     Parameters
     ----------
-    sketch : Sketch
     contradicted : callable, optional
         Whether the torques speak against a log with faults undone, whatever the links weigh (`KinematicEvidence`).
     """

@@ -109,7 +109,6 @@ def with_torques(fault: Fault, rows: int, criteria: CheckCriteria) -> Fault:
         "position sign" or "swapped positions".
     rows : int
         Number of joints whose torque is judged.
-    criteria : CheckCriteria
     """
     what = fault.what.replace("its positions", "its positions and torques", 1)
     what = what.replace("their positions", "their positions and torques", 1)

@@ -42,7 +42,6 @@ class RowFits:
 
     Parameters
     ----------
-    sketch : Sketch
     other : RowFits, optional
         Fits of a sketch with the same torques and another motion. The rows on which the motions do not differ are read
         once: a wrong position of one limb changes no torque of another limb.

@@ -39,39 +39,26 @@ FRICTION_NUMBERS = 4
 
 @dataclass(frozen=True, eq=False)
 class Sketch:
-    """Filtered samples of one log.
-
-    Attributes
-    ----------
-    motion : SketchMotion
-        Robot, positions, velocities and accelerations of the M samples.
-    t : ndarray, shape (M,)
-        Time, s.
-    tau : ndarray, shape (M, J)
-        Torques, N·m (N); NaN where not measured.
-    rows : ndarray of int
-        Joints whose torque can be judged.
-    noise : ndarray, shape (2, J)
-        Standard deviation of the white noise after the filter: of the torques, and of the accelerations (from the
-        positions).
-    ends : tuple of int
-        Index after the last sample of each stretch without a gap.
-    criteria : CheckCriteria
-    given_nominal : ndarray, shape (M, J), or None
-        Rigid torque that replaces the URDF's, for a hypothesis about the rigid torque.
-    earlier : float
-        Time by which the torques were moved to earlier times, s: see `moved_earlier`.
-    """
+    """Filtered samples of one log."""
 
     motion: SketchMotion
+    """Robot, positions, velocities and accelerations of the M samples."""
     t: Array
+    """Time, s, (M,)."""
     tau: Array
+    """Torques, N·m (N), (M, J); NaN where not measured."""
     rows: NDArray[np.intp]
+    """Joints whose torque can be judged."""
     noise: Array
+    """Standard deviation of the white noise after the filter, (2, J): of the torques, and of the accelerations (from
+    the positions)."""
     ends: tuple[int, ...]
+    """Index after the last sample of each stretch without a gap."""
     criteria: CheckCriteria = DEFAULT_CRITERIA
     given_nominal: Array | None = None
+    """Rigid torque that replaces the URDF's, for a hypothesis about the rigid torque, (M, J), or None."""
     earlier: float = 0.0
+    """Time by which the torques were moved to earlier times, s: see `moved_earlier`."""
 
     @classmethod
     def of(
@@ -244,7 +231,6 @@ def shared_fit(sketch: Sketch, columns: Mapping[int, Array], left: Array) -> Arr
 
     Parameters
     ----------
-    sketch : Sketch
     columns : mapping of int to ndarray, shape (M, P)
         Joint -> columns of the shared parameters in its torque.
     left : ndarray, shape (M, J)

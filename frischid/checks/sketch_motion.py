@@ -59,28 +59,19 @@ class SignedFit:
 
 @dataclass(frozen=True, eq=False)
 class SketchMotion:
-    """Filtered samples of the motion of one log. Its arrays must not change.
-
-    Attributes
-    ----------
-    robot : Robot
-    q, v, a : ndarray, shape (M, J)
-        Positions, velocities, accelerations: rad, rad/s, rad/s² (m, ...).
-    sign : ndarray, shape (M, J)
-        Smoothed sign of the velocity, filtered like the torque.
-    used : ndarray of bool, shape (M, J)
-        False where the joint stands still.
-    fewest_moving : int
-        A joint that moves in fewer samples is judged on all samples.
-    """
+    """Filtered samples of the motion of one log. Its arrays must not change."""
 
     robot: Robot
     q: Array
     v: Array
     a: Array
+    """`q`, `v`, `a`: Positions, velocities, accelerations, (M, J): rad, rad/s, rad/s² (m, ...)."""
     sign: Array
+    """Smoothed sign of the velocity, filtered like the torque, (M, J)."""
     used: NDArray[np.bool_]
+    """False where the joint stands still, (M, J)."""
     fewest_moving: int
+    """A joint that moves in fewer samples is judged on all samples."""
     _thinned: dict[int, SketchMotion] = field(default_factory=dict, init=False, repr=False)
     _bodies: dict[str, Array] = field(default_factory=dict, init=False, repr=False)
     _columns: dict[tuple[int, Beside | None], Array] = field(default_factory=dict, init=False, repr=False)

@@ -188,7 +188,6 @@ def trial(
 
     Parameters
     ----------
-    model : Model
     effects : sequence of Effect
         Effects to add.
     logs : sequence of Log or Recording
@@ -196,11 +195,6 @@ def trial(
     situation : {"always", "changed"}
     finding : Finding, optional
         The finding that proposed the effects.
-    criteria : DiagnosisCriteria
-
-    Returns
-    -------
-    Trial
 
     Raises
     ------
@@ -225,13 +219,8 @@ def tested(before: Model, step: Step, valid: Sequence[Log | Recording]) -> Step:
     ----------
     before : Model
         The model before the step.
-    step : Step
     valid : sequence of Log or Recording
         Test logs; without any, the step is returned as given.
-
-    Returns
-    -------
-    Step
     """
     if not valid:
         return step

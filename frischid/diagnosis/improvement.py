@@ -26,18 +26,16 @@ from frischid.diagnosis.diagnosis import diagnose
 from frischid.diagnosis.findings import Finding, with_members
 from frischid.diagnosis.result import Diagnosis
 from frischid.diagnosis.roles import always_missing, decided_situation, logs_before_change
-from frischid.diagnosis.situation import SituationOption, check_situation
+from frischid.diagnosis.situation import SituationOption, logs_to_diagnose
 from frischid.diagnosis.step import Refusal, Step
 from frischid.diagnosis.step_acceptance import RISES_AT_STANDSTILL, harmless, reason_against, reason_against_refit
 from frischid.effects import EFFECTS, Effect
-from frischid.errors import InputError
-from frischid.logs.given import Logs, as_logs
+from frischid.logs.given import Logs
 from frischid.logs.log import Log
 from frischid.logs.mapping import MappingLike
-from frischid.logs.recording import Recording, check_logs
+from frischid.logs.recording import Recording
 from frischid.model.headline import headline
 from frischid.model.model import Model
-from frischid.model.model_argument import check_model
 
 
 @on_one_thread
@@ -114,16 +112,11 @@ def improve(
     >>> len(steps), last.verdict
     (0, 'none')
     """
-    check_model(model)
-    logs, valid = as_logs(logs, model.robot.joints, mapping), as_logs(valid, model.robot.joints, mapping, "valid")
+    logs, valid = logs_to_diagnose(model, logs, valid, situation, mapping)
     check_number("max_steps", max_steps)
+    model.check([*logs, *valid])
     steps: list[Step] = []
     refused: dict[str, Refusal] = {}
-    if not logs:
-        raise InputError("there is no log to diagnose; give at least one")
-    check_situation(situation)
-    check_logs(logs, valid)
-    model.check([*logs, *valid])
     progress("reading logs")
     situation, found, *_ = decided_situation(model, logs, situation, criteria, valid=valid)
     if situation == "changed" and found is not None and max_steps:
@@ -181,7 +174,6 @@ def next_step(
 
     Parameters
     ----------
-    model : Model
     diagnosis : Diagnosis
         Of this model on these logs.
     logs : sequence of Log or Recording

@@ -50,7 +50,6 @@ def untried(model: Model, effects: Sequence[str], situation: Situation, channels
 
     Parameters
     ----------
-    model : Model
     effects : sequence of str
         Identifiers.
     situation : {"always", "changed"}

@@ -204,8 +204,6 @@ def simulated_error(
 
     Parameters
     ----------
-    model : Model
-    logs : sequence of Log or Recording
     options : OutputErrorOptions, optional
         Length of the stretches, and how many.
 
@@ -218,16 +216,6 @@ def simulated_error(
     ------
     InputError
         The model cannot be simulated, or its simulated motion is unstable.
-
-    Examples
-    --------
-    >>> import frischid as fr
-    >>> from frischid.diagnosis.motion_space import simulated_error
-    >>> robot = fr.Robot.load("planar2")
-    >>> log = fr.simulate(robot, fr.random_fourier(robot, 4.0, seed=1), rate=100.0)
-    >>> error = simulated_error(fr.identify(robot, [log], recursion="none").model, [log])
-    >>> max(error.values()) < 0.01
-    True
     """
     shooting = Shooting(model, logs, options or OutputErrorOptions(horizon=HORIZON))
     error = shooting.errors()

@@ -37,12 +37,7 @@ from frischid.regression.structure import structure
 
 
 def check_formulas(model: Model, effects: Sequence[Effect]) -> None:
-    """Refuse formulas that can change nothing: zero, or a combination of columns that the model has.
-
-    Raises
-    ------
-    InputError
-    """
+    """Refuse (InputError) formulas that can change nothing: zero, or a combination of columns that the model has."""
     formulas = tuple(effect for effect in effects if isinstance(effect, Formula))
     if not formulas:
         return
@@ -102,14 +97,12 @@ def refitted(
 
     Parameters
     ----------
-    model : Model
     effects : tuple of Effect
         The model's own, followed by the added ones.
     logs : sequence of Log or Recording
         Data to fit.
     situation : {"always", "changed"}
         ``"changed"``: the model's own parameters are a prior.
-    criteria : DiagnosisCriteria
 
     Returns
     -------

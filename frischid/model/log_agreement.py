@@ -45,12 +45,10 @@ def disagreeing_logs(problem: Problem, fit: MapEstimate, share: Array, criteria:
 
     Parameters
     ----------
-    problem : Problem
     fit : MapEstimate
         To all logs.
     share : ndarray, shape (J,)
         Share of the parameters' covariance that is the model's own error.
-    criteria : AlarmCriteria
     """
     ratios = {k: r for k, r in surprises(problem, fit, share).items() if r.max(initial=0.0) > criteria.surprise}
     if not ratios:
