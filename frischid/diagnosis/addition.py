@@ -128,32 +128,21 @@ def undo(model: Model) -> Model:
 
 @dataclass(frozen=True, eq=False)
 class Trial:
-    """A refit of a model with some effects, before anybody accepts it.
-
-    Attributes
-    ----------
-    model : Model
-        Without the effects.
-    effects : tuple of Effect
-    logs : sequence of Log or Recording
-        The logs that fit.
-    situation : {"always", "changed"}
-    finding : Finding or None
-        The finding that proposed the effects.
-    refit : Refit
-        With the effects.
-    error_before, error_after : float
-        NRMSE on the logs that select.
-    """
+    """A refit of a model with some effects, before anybody accepts it."""
 
     model: Model
+    """Without the effects."""
     effects: tuple[Effect, ...]
     logs: Sequence[Log | Recording]
+    """The logs that fit."""
     situation: Situation
     finding: Finding | None
+    """The finding that proposed the effects."""
     refit: Refit
+    """With the effects."""
     error_before: float
     error_after: float
+    """`error_before`, `error_after`: NRMSE on the logs that select."""
 
     def step(self) -> Step:
         """The step that accepts the trial; the model's history tells of it."""

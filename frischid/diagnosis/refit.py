@@ -69,21 +69,14 @@ def known_error(model: Model, logs: Sequence[Log | Recording]) -> float | None:
 
 @dataclass(frozen=True, eq=False)
 class Refit:
-    """A model fitted again. Most refits are refused, so its alarms and its history wait until they are asked for.
-
-    Attributes
-    ----------
-    model : Model
-        Without a history.
-    error : float
-        Cross-validated NRMSE on the logs of the fit.
-    complete : callable
-        The model with a history of one event, which states this error.
-    """
+    """A model fitted again. Most refits are refused, so its alarms and its history wait until they are asked for."""
 
     model: Model
+    """Without a history."""
     error: float
+    """Cross-validated NRMSE on the logs of the fit."""
     complete: Callable[[], Model]
+    """The model with a history of one event, which states this error."""
 
 
 def refitted(
@@ -103,10 +96,6 @@ def refitted(
         Data to fit.
     situation : {"always", "changed"}
         ``"changed"``: the model's own parameters are a prior.
-
-    Returns
-    -------
-    Refit
     """
     if situation == "changed":
         changed = _changed(model, effects, logs, criteria)
