@@ -18,9 +18,10 @@ def pages(tmp_path_factory):
 
 
 @needs_browser
-@pytest.mark.parametrize("name", ["before", "after"])
-@pytest.mark.parametrize("scheme", ["light", "dark"])
-@pytest.mark.parametrize("width", [1280, 390])
+@pytest.mark.parametrize(
+    ("name", "width", "scheme"),
+    [("before", 1280, "light"), ("before", 390, "dark"), ("after", 1280, "dark"), ("after", 390, "light")],
+)  # each page at each width and in each scheme, and each scheme at each width
 def test_axe_finds_nothing(pages, name, width, scheme):
     with opened(pages[name], width=width, scheme=scheme) as seen:
         assert violations(seen.page) == []  # as it opens
