@@ -671,3 +671,17 @@ def test_a_late_velocity_has_one_set_of_figures():
     for one, other in zip(figures, re.search(NOTE, note).groups(), strict=True):
         assert float(one.split(" to ")[0]) == pytest.approx(float(other.split(" to ")[0]), rel=0.05)
         assert float(one.split(" to ")[-1]) == pytest.approx(float(other.split(" to ")[-1]), rel=0.05)
+
+
+def test_a_coarse_encoder_of_a_slow_arm_that_rests_is_no_buffer():
+    """It advances by no step, one or two between two samples, and repeats its values at standstill."""
+    t = np.arange(0.0, 40.0, 0.005)
+    moving = np.sin(2 * np.pi * t / 20.0) > 0  # ten seconds of motion, ten seconds of standstill
+    slow = np.cumsum(np.where(moving, 0.15 * np.sin(2 * np.pi * t / 2.5), 0.0)) * 0.005
+    step = 2 * np.pi / 8192
+    q = np.array([float(f"{x:.9g}") for x in np.round((0.3 + slow) / step) * step])  # as a file holds them
+    tau = np.random.default_rng(0).normal(size=(len(t), 2))
+    log = Log(t, ("joint1", "joint2"), q=np.column_stack([q, -q]), tau=tau, source="slow")
+    (report,) = check(Robot.load("planar2"), [log])
+    assert "host clock" not in [issue.kind for issue in report.issues]
+    assert report.joints["joint1"]["noise_q"] == pytest.approx(step / np.sqrt(12), rel=0.3)
