@@ -6,6 +6,7 @@ import numpy as np
 import pytest
 
 import frischid as fr
+from frischid.diagnosis.clause import missing
 from frischid.model.alarms import LOG_CHANGES
 
 NOISE = fr.Noise(q=1e-5, tau=0.02)
@@ -66,3 +67,10 @@ def test_joints_that_move_one_after_the_other_are_no_change(arm):
     q, v, a = (np.where(own, x[:, None], 0.0) for x in (1 - np.cos(w * t), w * np.sin(w * t), w**2 * np.cos(w * t)))
     tau = arm.inverse_dynamics(q, v, a) + 0.3 * v + np.random.default_rng(0).normal(0.0, 0.02, q.shape)
     assert changes(arm, [fr.Log(t, arm.joints, q=q, tau=tau)]) == []
+
+
+def test_a_verdict_on_such_a_log_presumes_that_the_change_is_none(arm):
+    log = log_of(arm, 2, 8.0, **LOADED)
+    model = fr.identify(arm, [log], recursion="none").model
+    said = missing(fr.diagnose(model, [log], effects=["torque_drift", "gravity_tilt"]))
+    assert said.startswith("Unless the robot changes in the middle of a log, as the alarm says, ")
