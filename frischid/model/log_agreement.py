@@ -4,8 +4,8 @@ A log of another robot, load or mounting has a larger error than the fit to the 
 logs hides this: it lies between the robots, and each log has a part of the error. The limit of the ratio is that of
 ``unlike-the-fitted-logs``, which asks the same of a log that was not fitted.
 
-A log may also show an effect that the others hardly show. So the others are held against a fit to this log as well, and
-the smaller ratio counts.
+A log may also show an effect that the others hardly show, and an effect that the model lacks biases each fit another
+way. So the smallest of three ratios counts (`surprise_of_both`).
 """
 
 from __future__ import annotations

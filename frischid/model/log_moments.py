@@ -14,6 +14,7 @@ shows fewer shapes of motion than the whole.
 from __future__ import annotations
 
 from dataclasses import dataclass
+from typing import NamedTuple
 
 import numpy as np
 
@@ -48,6 +49,14 @@ class LogMoments:
     starts: Array
 
 
+class PartFit(NamedTuple):
+    """A fit to some rows: base parameters (p,), their covariance (p, p) and the residual variances (J,)."""
+
+    theta: Array
+    covariance: Array
+    variance: Array
+
+
 def moments_by_log(problem: Problem) -> dict[str, LogMoments]:
     """Log -> its moments; without logs in which no joint has a torque row.
 
@@ -67,8 +76,12 @@ def moments_by_log(problem: Problem) -> dict[str, LogMoments]:
     return {name: log for name, log in found.items() if log.blocks.counts.any()}
 
 
-def surprise(problem: Problem, whole_fit: MapEstimate, share: Array, held: Gram, fitted: Gram) -> Array:
-    """Measured over expected error of each joint on some rows, of a fit to others, (J,).
+def surprise_of_both(problem: Problem, whole_fit: MapEstimate, share: Array, one: Gram, other: Gram) -> Array:
+    """The smallest of three surprises of each joint, (J,): 0 for a joint that one of the two parts does not move.
+
+    Of `one` to a fit to `other`, and the reverse: a part may show an effect that the other part hardly shows. Then the
+    other part does not explain this one, but a fit to this part explains the other one. And of both parts to the fit to
+    all logs, beside a fit to each: where one fit explains both as well as two, there are no two robots.
 
     Parameters
     ----------
@@ -77,36 +90,33 @@ def surprise(problem: Problem, whole_fit: MapEstimate, share: Array, held: Gram,
         To all logs.
     share : ndarray, shape (J,)
         Share of the parameters' covariance that is the model's own error.
-    held, fitted : Gram
-        Moments of the rows that are predicted, and of those that are fitted.
-
-    Returns
-    -------
-    ndarray
-        0 for a joint that one of the two does not move.
+    one, other : Gram
+        Moments of both parts.
     """
-    some = MapProblem(fitted, problem.reduction.mapping, whole_fit.prior)
-    theta, covariance, variance = _fit(some, whole_fit)
+    rows = one.counts + other.counts
+    fits = [_fit(MapProblem(part, problem.reduction.mapping, whole_fit.prior), whole_fit) for part in (one, other)]
+    crossed = [surprise(share, held, fit) for held, fit in zip((other, one), fits, strict=True)]
+    apart = (one.counts * fits[0].variance + other.counts * fits[1].variance) / np.maximum(rows, 1.0)
+    together = (one.residual_ss(whole_fit.theta) + other.residual_ss(whole_fit.theta)) / np.maximum(rows, 1.0)
+    found = np.min([*crossed, np.sqrt(together / np.maximum(apart, _least(one + other)))], axis=0)
+    return np.asarray(np.where((one.counts > 0) & (other.counts > 0), found, 0.0))
+
+
+def surprise(share: Array, held: Gram, fit: PartFit) -> Array:
+    """Measured over expected error of each joint on some rows, of a fit to others, (J,)."""
     rows = np.maximum(held.counts, 1.0)
-    uncertain = np.einsum("jab,ba->j", held.moments[:, :-1, :-1], covariance) / rows
-    least = np.maximum(SMALLEST_ERROR**2 * held.torque_ss() / rows, 1e-300)
-    expected = np.maximum(variance + share * np.maximum(uncertain, 0.0), least)
-    known = (held.counts > 0) & (fitted.counts > 0)
-    return np.asarray(np.where(known, np.sqrt(held.residual_ss(theta) / rows / expected), 0.0))
+    uncertain = np.einsum("jab,ba->j", held.moments[:, :-1, :-1], fit.covariance) / rows
+    expected = np.maximum(fit.variance + share * np.maximum(uncertain, 0.0), _least(held))
+    return np.asarray(np.sqrt(held.residual_ss(fit.theta) / rows / expected))
 
 
-def surprise_of_both(problem: Problem, whole_fit: MapEstimate, share: Array, one: Gram, other: Gram) -> Array:
-    """The smaller surprise of each joint, (J,): of `one` to a fit to `other`, and the reverse.
-
-    A part may show an effect that the other part hardly shows. Then the other part does not explain this one, but a fit
-    to this part explains the other one.
-    """
-    pairs = ((one, other), (other, one))
-    return np.asarray(np.min([surprise(problem, whole_fit, share, *pair) for pair in pairs], axis=0))
+def _least(held: Gram) -> Array:
+    """Squared error that is none, (J,)."""
+    return np.maximum(SMALLEST_ERROR**2 * held.torque_ss() / np.maximum(held.counts, 1.0), 1e-300)
 
 
-def _fit(some: MapProblem, whole_fit: MapEstimate) -> tuple[Array, Array, Array]:
-    """Base parameters of some rows, their covariance and the residual variances (J,)."""
+def _fit(some: MapProblem, whole_fit: MapEstimate) -> PartFit:
+    """Fit some rows."""
     count = len(some.prior.names)
     kappa = effective_rows(some.G[:, :count, :count] * np.outer(some.prior.spread, some.prior.spread))
     variance = whole_fit.variance
@@ -122,4 +132,4 @@ def _fit(some: MapProblem, whole_fit: MapEstimate) -> tuple[Array, Array, Array]
         if np.allclose(variance, before, rtol=NOISE_FOUND, atol=0.0):
             break
     base = some.A @ root
-    return some.A @ x, base @ base.T, variance
+    return PartFit(some.A @ x, base @ base.T, variance)
