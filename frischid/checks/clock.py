@@ -139,27 +139,20 @@ def _gaps(step: Array, usual: float, notes: Notebook) -> None:
 
 
 class _Clocks(NamedTuple):
-    """The steps of the stamps beside those that the positions tell, less the mean step around each, in usual steps.
-
-    Attributes
-    ----------
-    jitter : float
-        Rms deviation of the stamps' steps.
-    slope, error : float
-        Factor by which the positions follow these deviations, with its standard error; 1 for times of measurement.
-    off, expected : float
-        Rms difference of both clocks, and that which the noise of the positions causes.
-    still, double : float
-        Shares of the steps over which the positions stand still, and advance by two.
-    """
+    """The steps of the stamps beside those that the positions tell, less the mean step around each, in usual steps."""
 
     jitter: float
+    """Rms deviation of the stamps' steps."""
     slope: float
     error: float
+    """`slope`, `error`: Factor by which the positions follow these deviations, with its standard error; 1 for times of
+    measurement."""
     off: float
     expected: float
+    """`off`, `expected`: Rms difference of both clocks, and that which the noise of the positions causes."""
     still: float
     double: float
+    """`still`, `double`: Shares of the steps over which the positions stand still, and advance by two."""
 
 
 def _clocks(log: Log, step: Array, usual: float, criteria: CheckCriteria) -> _Clocks | None:

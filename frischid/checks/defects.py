@@ -18,8 +18,7 @@ import numpy as np
 from frischid.checks.log_issue import LogReport, Notebook
 from frischid.core.text import counted
 from frischid.errors import InputError
-from frischid.logs.csv_layout import Layout, csv_layout
-from frischid.logs.csv_text import is_number
+from frischid.logs.csv_layout import Layout, csv_layout, is_number
 from frischid.logs.layouts import layout_of
 from frischid.logs.log import GARBAGE
 from frischid.logs.mapping import LogMap
@@ -38,16 +37,7 @@ def defects(path: Path, form: LogMap) -> LogReport | None:
         layout = csv_layout(path, form)
     except InputError:
         return None
-    width, notes = len(layout.names), Notebook(())
-    time = (
-        None
-        if form.rate is not None
-        else layout.names.index(form.time)
-        if form.time in layout.names
-        else form.time
-        if isinstance(form.time, int) and form.time < width
-        else None
-    )
+    width, notes, time = len(layout.names), Notebook(()), _time_column(form, layout)
     try:
         found = _scan(path, layout, time)
     except csv.Error:  # a cell longer than any number
@@ -71,6 +61,15 @@ def defects(path: Path, form: LogMap) -> LogReport | None:
     if time is not None:
         _stamps(found.lines, np.asarray(found.stamps) / TICKS_PER_SECOND[form.time_unit], notes)
     return notes.report(str(path)) if notes.issues else None
+
+
+def _time_column(form: LogMap, layout: Layout) -> int | None:
+    """Position of the column of stamps; None where the file has none."""
+    if form.rate is not None:
+        return None
+    if form.time in layout.names:
+        return layout.names.index(form.time)
+    return form.time if isinstance(form.time, int) and form.time < len(layout.names) else None
 
 
 @dataclass

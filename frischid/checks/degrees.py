@@ -29,23 +29,16 @@ from frischid.robot.stated_inertials import unstated
 
 @dataclass(frozen=True, eq=False)
 class Implausible:
-    """Joints whose motion is implausible in radians.
-
-    Attributes
-    ----------
-    joints : ndarray of bool, shape (J,)
-    evidence : str
-    certain : bool
-        Whether nothing but another unit moves so.
-    outside : bool
-        Whether as degrees, too, joints leave their limits: angles of motors behind gears and encoder counts do so, and
-        a joint whose zero is another than the URDF's.
-    """
+    """Joints whose motion is implausible in radians."""
 
     joints: NDArray[np.bool_]
+    """Shape (J,)."""
     evidence: str
     certain: bool
+    """Whether nothing but another unit moves so."""
     outside: bool
+    """Whether as degrees, too, joints leave their limits: angles of motors behind gears and encoder counts do so, and a
+    joint whose zero is another than the URDF's."""
 
 
 def implausible_motion(
@@ -126,10 +119,8 @@ def check_degrees(found: Implausible, sketch: Callable[[], Sketch | None], notes
 
     Parameters
     ----------
-    found : Implausible
     sketch : callable
         Returns the log as it is, with the torques that can be judged; None without one.
-    notes : Notebook
     """
     seen = sketch()
     fault = None if seen is None else _which(found.joints, seen)

@@ -25,17 +25,12 @@ _TORQUE_KINDS = ("late torque", "early torque", "torque scale", "wrong robot", "
 
 @dataclass(frozen=True, eq=False)
 class FreeFit:
-    """Fit of the base parameters to a sketch.
-
-    Attributes
-    ----------
-    errors : ndarray, shape (R,)
-        Cross-validated NRMSE of the judged joints.
-    stderr : ndarray, shape (p,)
-    """
+    """Fit of the base parameters to a sketch."""
 
     errors: Array
+    """Cross-validated NRMSE of the judged joints, (R,)."""
     stderr: Array
+    """Shape (p,)."""
 
 
 def free_fit(sketch: Sketch, reduction: Reduction) -> FreeFit | None:

@@ -99,23 +99,26 @@ def explain(sketch: Sketch, contradicted: Callable[[Sketch], bool] = lambda corr
 
     Parameters
     ----------
-    sketch : Sketch
     contradicted : callable, optional
         Whether the torques speak against a log with faults undone, whatever the links weigh (`KinematicEvidence`).
     """
     fits = RowFits(sketch)
     null = Hypothesis((), fits.total(sketch.asis), sketch.asis, sketch)
-    found = _readings(sketch, ())
+    found = _readings(fits, ())
     for item in position_faults(sketch):
-        found += _readings(item.sketch, (item.fault,))
-    starts = [null, *_alone(sketch, found[0]), *_best(found), *_readings(sketch, (), simple=True)]
+        found += _readings(RowFits(item.sketch, fits), (item.fault,))
+    starts = [null, *_alone(sketch, found[0]), *_best(found), *_readings(fits, (), simple=True)]
     found += [*_of_the_robot(starts), *_without_one_row(sketch)]
     found += _of_the_robot(h for h in found if len(h.faults) == 1 and h.faults[0].kind in SHARED_KINDS)
-    if _has_room(max([*found, null], key=_score)):
+    so_far = max([*found, null], key=_score)
+    lead, odds = _lead_without_faults(so_far), np.log(sketch.criteria.least_odds)
+    if lead - min((f.cost for f in so_far.faults), default=0.0) > odds:  # else none of a single fault can be better
         for start in _best(found):
+            begun = RowFits(start.sketch)
             for item in position_faults(start.sketch):
-                if (item.fault.kind, item.fault.where) not in start.key:  # undone twice is as it was
-                    found += _readings(item.sketch, (*start.faults, item.fault))
+                twice = (item.fault.kind, item.fault.where) in start.key  # as it was
+                if not twice and lead - _least_cost(start.faults, item.fault) > -odds:  # else no rival
+                    found += _readings(RowFits(item.sketch, begun), (*start.faults, item.fault))
         found += [_hypothesis((item.fault,), item.sketch) for item in joint_faults(sketch)]
         behind = _behind_the_robot(found)
         found += (shared := _of_the_robot([*behind, *_best(h for h in found if _has_robot_fault(h))]))
@@ -184,12 +187,16 @@ def _behind_the_robot(found: Iterable[Hypothesis]) -> list[Hypothesis]:
     return [h for _, h in sorted(kept.values(), key=lambda x: -x[0])[:WIDE_BEAM]]
 
 
-def _has_room(hypothesis: Hypothesis) -> bool:
-    """Whether a better hypothesis is possible: one of a single fault that explains all that proves anything."""
-    fits, costs = RowFits(hypothesis.sketch), [f.cost for f in hypothesis.faults]
-    least = np.minimum(hypothesis.errors, fits.criteria.urdf_error)
-    room = fits.total(least) - fits.total(hypothesis.errors) + sum(costs) - min(costs, default=0.0)
-    return bool(room > np.log(fits.criteria.least_odds))
+def _lead_without_faults(likeliest: Hypothesis) -> float:
+    """Score over the likeliest hypothesis, if all that proves anything could be explained without a fault."""
+    fits = RowFits(likeliest.sketch)
+    explained = fits.total(np.minimum(likeliest.errors, fits.criteria.urdf_error))
+    return explained - fits.total(likeliest.errors) + sum(f.cost for f in likeliest.faults)
+
+
+def _least_cost(faults: Iterable[Fault], further: Fault) -> float:
+    """Least cost of faults and a further one of positions: the faults of torques may be the same fault."""
+    return further.cost + sum(f.cost for f in faults if f.kind not in ("torque sign", "swapped torques"))
 
 
 def _has_position_fault(hypothesis: Hypothesis) -> bool:
@@ -200,9 +207,9 @@ def _has_robot_fault(hypothesis: Hypothesis) -> bool:
     return any(f.kind in ROBOT_KINDS for f in hypothesis.faults)
 
 
-def _readings(sketch: Sketch, faults: tuple[Fault, ...], *, simple: bool = False) -> list[Hypothesis]:
+def _readings(fits: RowFits, faults: tuple[Fault, ...], *, simple: bool = False) -> list[Hypothesis]:
     """The best readings of the torques, with some faults undone already."""
-    fits = RowFits(sketch)
+    sketch = fits.sketch
     paid = sum(f.cost for f in faults)
     plain = sketch.errors(sketch.nominal)
     found = [Hypothesis(faults, fits.total(plain) - paid, plain, sketch)] if faults else []
@@ -300,7 +307,7 @@ def _without_one_row(sketch: Sketch) -> list[Hypothesis]:
     found: list[Hypothesis] = []
     for left_out in sketch.rows if len(sketch.rows) > 2 else ():
         for item in shared_faults(RowFits(replace(sketch, rows=sketch.rows[sketch.rows != left_out]))):
-            found += _readings(replace(item.sketch, rows=sketch.rows), (item.fault,))
+            found += _readings(RowFits(replace(item.sketch, rows=sketch.rows)), (item.fault,))
     return found
 
 

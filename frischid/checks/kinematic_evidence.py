@@ -24,18 +24,12 @@ from frischid.core.types import Array
 
 @dataclass(frozen=True, eq=False)
 class KinematicEvidence:
-    """Whether freely fitted parameters speak against a fault.
-
-    Attributes
-    ----------
-    sketch : Sketch
-        The log as it is.
-    free : callable
-        Sketch -> cross-validated NRMSE of freely fitted parameters, (R,), NaN where unknown.
-    """
+    """Whether freely fitted parameters speak against a fault."""
 
     sketch: Sketch
+    """The log as it is."""
     free: Callable[[Sketch], Array]
+    """Sketch -> cross-validated NRMSE of freely fitted parameters, (R,), NaN where unknown."""
 
     @cached_property
     def _asis(self) -> Array:

@@ -55,18 +55,12 @@ def _slices(log: Log) -> Iterator[Log]:
 
 @dataclass(frozen=True)
 class Examined:
-    """Report on one piece, and where the piece lies.
-
-    Attributes
-    ----------
-    report : LogReport
-    start, end : float
-        First and last stamp, s.
-    """
+    """Report on one piece, and where the piece lies."""
 
     report: LogReport
     start: float
     end: float
+    """`start`, `end`: First and last stamp, s."""
 
 
 def examine_long(log: Log | Recording, names: Sequence[str], examine: Callable[[Log], LogReport]) -> LogReport:
@@ -74,7 +68,6 @@ def examine_long(log: Log | Recording, names: Sequence[str], examine: Callable[[
 
     Parameters
     ----------
-    log : Log or Recording
     names : sequence of str
         The robot's joints.
     examine : callable

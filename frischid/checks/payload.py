@@ -57,27 +57,18 @@ LEFT_OFF = (
 
 @dataclass(frozen=True, eq=False)
 class Body:
-    """The body that fits best on the last link.
-
-    Attributes
-    ----------
-    joint : str
-        Joint of the link that carries the body.
-    mass : float
-        kg; negative when the URDF has a body that is missing on the robot.
-    centre : ndarray, shape (3,)
-        In the joint's frame, m.
-    removed : float
-        Share of the nominal URDF's squared error that the body explains; 0 when the body is not possible.
-    torque : ndarray, shape (M, J), or None
-        Torque of the body at the samples of the sketch.
-    """
+    """The body that fits best on the last link."""
 
     joint: str
+    """Joint of the link that carries the body."""
     mass: float
+    """kg; negative when the URDF has a body that is missing on the robot."""
     centre: Array
+    """In the joint's frame, m, (3,)."""
     removed: float
+    """Share of the nominal URDF's squared error that the body explains; 0 when the body is not possible."""
     torque: Array | None = None
+    """Torque of the body at the samples of the sketch, (M, J), or None."""
 
 
 def last_joint(robot: Robot) -> str:
@@ -161,7 +152,6 @@ def beats_links(sketch: Sketch, body: Body) -> bool:
     ----------
     sketch : Sketch
         Of at most `CheckCriteria.few_samples` samples.
-    body : Body
     """
     criteria, fits = sketch.criteria, RowFits(sketch)
     if body.torque is None:

@@ -34,11 +34,9 @@ def check_physics(sketch: Sketch, free: Callable[[Sketch], Array], notes: Notebo
 
     Parameters
     ----------
-    sketch : Sketch
     free : callable
         Sketch -> NRMSE of freely fitted base parameters on the judged joints, (R,), NaN where unknown; called only when
         needed.
-    notes : Notebook
 
     Returns
     -------

@@ -109,7 +109,6 @@ def with_torques(fault: Fault, rows: int, criteria: CheckCriteria) -> Fault:
         "position sign" or "swapped positions".
     rows : int
         Number of joints whose torque is judged.
-    criteria : CheckCriteria
     """
     what = fault.what.replace("its positions", "its positions and torques", 1)
     what = what.replace("their positions", "their positions and torques", 1)
@@ -148,6 +147,7 @@ class _Shifted:
         self._leads = robot.joints[j] in {rule.leader for rule in robot.mimics.values()}
         self._torques = np.array([] if self._leads else [self._exact(delta) for delta in angles])
         self._inverse = np.linalg.inv(_waves(angles))
+        self._fixed = (self._torques == self._torques[:1]).all(axis=(0, 1)) if len(self._torques) else None
 
     def _exact(self, delta: float) -> Array:
         sketch = self.sketch
@@ -157,7 +157,9 @@ class _Shifted:
         """Torque of the URDF's links."""
         if self._leads:
             return self._exact(delta)
-        return np.asarray(np.tensordot((_waves(np.array([delta])) @ self._inverse)[0], self._torques, axes=1))
+        torque = np.asarray(np.tensordot((_waves(np.array([delta])) @ self._inverse)[0], self._torques, axes=1))
+        torque[:, self._fixed] = self._torques[0][:, self._fixed]  # to the last digit: joints of another limb
+        return torque
 
     def value(self, delta: float) -> float:
         """How well the shifted robot explains the torques, with the better sign of each."""

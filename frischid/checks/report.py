@@ -51,7 +51,6 @@ def inspect(
     ----------
     robot : Robot
         The robot whose joints are in the log.
-    log : Log
     reduction : callable
         Returns the base parameters of the robot with the baseline effects (`frischid.model.identification.structure`);
         called only if needed.
@@ -61,10 +60,6 @@ def inspect(
         The log, if it is prepared already. Figures that no issue needs are then left out.
     criteria : CheckCriteria
         The numbers that decide.
-
-    Returns
-    -------
-    LogReport
 
     Examples
     --------

@@ -27,7 +27,6 @@ def corrected_urdf(robot: Robot, fixes: Sequence[Fix]) -> tuple[str, tuple[str, 
 
     Parameters
     ----------
-    robot : Robot
     fixes : sequence of (str, str, object)
         Entries of a mapping file that undo the faults, such as `LogReport.fix`.
 

@@ -10,8 +10,9 @@ where y_j is the torque, the torque with its sign changed, a multiple of the tor
 
 from __future__ import annotations
 
-from dataclasses import dataclass, field
-from itertools import combinations
+import math
+from dataclasses import dataclass, field, replace
+from functools import cached_property
 
 import numpy as np
 from scipy.optimize import nnls
@@ -37,9 +38,16 @@ class Local:
 
 
 class RowFits:
-    """Fits of single rows of a sketch."""
+    """Fits of single rows of a sketch.
 
-    def __init__(self, sketch: Sketch) -> None:
+    Parameters
+    ----------
+    other : RowFits, optional
+        Fits of a sketch with the same torques and another motion. The rows on which the motions do not differ are read
+        once: a wrong position of one limb changes no torque of another limb.
+    """
+
+    def __init__(self, sketch: Sketch, other: RowFits | None = None) -> None:
         self.sketch, self.criteria = sketch, sketch.criteria
         self.names, self.rows = sketch.names, [int(j) for j in sketch.rows]
         step = float(np.median(np.diff(sketch.t))) if len(sketch) > 1 else 1.0
@@ -47,10 +55,52 @@ class RowFits:
         self.weight = np.minimum(seconds / self.criteria.independent_time, self.criteria.most_independent)
         self.uses = [sketch.motion.uses(j) for j in self.rows]
         self.nominal = [sketch.nominal[use, j] for use, j in zip(self.uses, self.rows, strict=True)]
+        self._readings: dict[tuple[int, float, bool], list[Option]] = {}
+        self._source = [self if other is None or not self._agrees(other, k) else other for k in range(len(self.rows))]
+
+    def _agrees(self, other: RowFits, k: int) -> bool:
+        """Whether row k of other fits reads the same numbers."""
+        if self.sketch.tau is not other.sketch.tau or self.rows != other.rows:
+            return False
+        fits = [x.sketch.motion.fit(self.rows[k]) for x in (self, other)]
+        return fits[0] is fits[1] and bool(np.array_equal(self.nominal[k], other.nominal[k]))
 
     def of(self, k: int, tau: Array, j: int | None = None) -> Array:
         """Samples of a torque column that row k uses."""
         return np.asarray(tau[self.uses[k], self.rows[k] if j is None else j])
+
+    @cached_property
+    def spreads(self) -> Array:
+        """Standard deviation of each torque column at the samples that each row uses, (R, R): [row, column]."""
+        columns = self.sketch.tau[:, self.rows]
+        return np.maximum([columns[use].std(axis=0) for use in self.uses], 1e-12)
+
+    @cached_property
+    def _products(self) -> tuple[Array, Array, Array, Array, Array]:
+        """What bounds the error of each row with each torque column: see `least_errors`."""
+        columns, R = self.sketch.tau[:, self.rows], len(self.rows)
+        own, mixed, rigid = np.empty((R, R)), np.empty((R, R)), np.empty(R)
+        seen, modelled = [], []
+        for k, (use, nominal) in enumerate(zip(self.uses, self.nominal, strict=True)):
+            tau, Q = columns[use], self.sketch.motion.fit(self.rows[k]).Q
+            own[k], mixed[k], rigid[k] = np.einsum("nr,nr->r", tau, tau), nominal @ tau, nominal @ nominal
+            seen.append(tau.T @ Q)
+            modelled.append(Q.T @ nominal)
+        return own, mixed, rigid, np.array(seen), np.array(modelled)
+
+    def least_errors(self, factor: float) -> Array:
+        """Bounds below the NRMSE of each row with each torque column times a factor, (R, R): [row, column].
+
+        Without the signs of the friction a fit is a projection on the columns Q of the row, whatever torque t it reads:
+        ‖f t − n‖² − ‖Qᵀ(f t − n)‖², where n is the nominal torque. With the signs an error can only be larger.
+        """
+        own, mixed, rigid, seen, modelled = self._products
+        whole = factor**2 * own - 2 * factor * mixed + rigid[:, None]
+        explained = np.square(factor * seen - modelled[:, None]).sum(axis=2)
+        rounding = 1e-12 * (factor**2 * own + rigid[:, None])
+        samples = np.array([len(x) for x in self.nominal])[:, None]
+        left = np.sqrt(np.maximum(whole - explained - rounding, 0.0) / samples)
+        return np.asarray(left / (abs(factor) * self.spreads))
 
     def error(self, k: int, y: Array, spread: float) -> float:
         """NRMSE of row k with the torque y."""
@@ -74,7 +124,22 @@ class RowFits:
         """Log-likelihood of row k; below the error that URDFs have anyway, less error is worth nothing."""
         floor = self.criteria.urdf_error
         capped = min(error, self.criteria.nrmse_cap)
-        return float(-0.5 * self.weight[k] * np.log(capped**2 + floor**2))
+        return -0.5 * float(self.weight[k]) * math.log(capped**2 + floor**2)
+
+    def values(self, errors: Array) -> Array:
+        """Log-likelihoods of rows (R, ...) with these errors."""
+        capped = np.minimum(errors, self.criteria.nrmse_cap)
+        weight = self.weight.reshape(-1, *[1] * (errors.ndim - 1))
+        return np.asarray(-0.5 * weight * np.log(capped**2 + self.criteria.urdf_error**2))
+
+    def readings(self, k: int, factor: float, simple: bool) -> list[Option]:
+        """Readings of torque column k times a factor, whose sign is right."""
+        if self._source[k] is not self:
+            return self._source[k].readings(k, factor, simple)
+        key = k, factor, simple
+        if key not in self._readings:
+            self._readings[key] = _with_its_sign(self, k, factor, simple)
+        return self._readings[key]
 
     def total(self, errors: Array) -> float:
         """Log-likelihood of all rows."""
@@ -97,95 +162,124 @@ def local_fits(fits: RowFits, *, simple: bool = False) -> list[Local]:
 
     With `simple`, only signs and exchanges are tried.
     """
-    sketch, R = fits.sketch, len(fits.rows)
-    found = [_rows(fits, sketch.tau, (), simple)]
+    R = len(fits.rows)
+    found = [_rows(fits, 1.0, (), simple)]
     if R > 1:
         advice = "set torque_sign = -1 for every joint in a mapping file"
         what = "all torques {have|may have} the wrong sign: with the signs changed, the model explains them"
         fix = tuple((n, "torque_sign", -1) for n in fits.names)
         every = Fault("torque sign", what, fits.names, advice, cost(fits.criteria, "all torque signs"), fix=fix)
-        found.append(_rows(fits, -sketch.tau, (every,), simple))
+        found.append(_rows(fits, -1.0, (every,), simple))
         if not simple:
             for c, fault in _common_scales(fits):
                 signs = (every,) if c < 0 else ()
-                found.append(_rows(fits, sketch.tau / c, (*signs, fault), True))
+                found.append(_rows(fits, 1 / c, (*signs, fault), True))
     return sorted(found, key=lambda x: -x.score)
 
 
-def _rows(fits: RowFits, tau: Array, base: tuple[Fault, ...], simple: bool) -> Local:
-    R = len(fits.rows)
-    spreads = [max(float(fits.of(k, tau).std()), 1e-12) for k in range(R)]
-    best = [max(_options(fits, k, tau, spreads[k], simple), key=lambda x: x.score) for k in range(R)]
-    corrected = tau.copy()
+def _rows(fits: RowFits, factor: float, base: tuple[Fault, ...], simple: bool) -> Local:
+    """The best readings of all torque columns, each times a factor."""
+    best = [max(_options(fits, k, factor, simple), key=lambda x: x.score) for k in range(len(fits.rows))]
+    corrected = factor * fits.sketch.tau
     faults = list(base)
     errors = [x.error for x in best]
     score = sum(x.score for x in best) - sum(f.cost for f in base)
     springs = {}
-    free = set(range(R))
-    while len(free) > 1:
-        pairs = [(_exchange(fits, i, k, tau), i, k) for i, k in combinations(sorted(free), 2)]
-        gains = [(x.score - best[i].score - best[k].score, n) for n, (x, i, k) in enumerate(pairs)]
-        gain, n = max(gains)
-        if gain <= 0:
-            break
-        x, i, k = pairs[n]
+    free = set(range(len(fits.rows)))
+    exchanges = _exchanges(fits, factor, [x.score for x in best])
+    for gain, i, k, exchange in sorted(exchanges, key=lambda x: -x[0]):
+        if gain <= 0 or not {i, k} <= free:
+            continue
         score += gain
-        faults += x.faults
-        errors[i], errors[k] = x.tau
-        corrected[:, [fits.rows[i], fits.rows[k]]] = tau[:, [fits.rows[k], fits.rows[i]]]
+        faults += exchange.faults
+        errors[i], errors[k] = exchange.tau
+        corrected[:, [fits.rows[i], fits.rows[k]]] = factor * fits.sketch.tau[:, [fits.rows[k], fits.rows[i]]]
         free -= {i, k}
     for k in sorted(free):
-        faults += best[k].faults
+        faults += _with_torque(fits, k, best[k])
         corrected[:, fits.rows[k]] = best[k].tau
         if best[k].spring is not None:
             springs[fits.rows[k]] = np.asarray(best[k].spring)
     return Local(score, np.array(errors), tuple(faults), corrected, springs)
 
 
-def _exchange(fits: RowFits, i: int, k: int, tau: Array) -> Option:
-    """Two torque columns exchanged; the option's `tau` holds the two errors."""
-    pair = (fits.names[i], fits.names[k])
-    one, other = fits.of(i, tau, fits.rows[k]), fits.of(k, tau, fits.rows[i])
-    errors = fits.error(i, one, max(float(one.std()), 1e-12)), fits.error(k, other, max(float(other.std()), 1e-12))
+def _with_torque(fits: RowFits, k: int, option: Option) -> tuple[Fault, ...]:
+    """The faults of an option of row k; a spring, the last of them, with its torque along the sketch."""
+    if option.spring is None:
+        return option.faults
+    torque = np.zeros_like(fits.sketch.tau)
+    torque[:, fits.rows[k]] = option.spring
+    return (*option.faults[:-1], replace(option.faults[-1], torque=torque))
+
+
+def _exchanges(fits: RowFits, factor: float, scores: list[float]) -> list[tuple[float, int, int, Option]]:
+    """Pairs of torque columns that may gain by an exchange: the gain, the two rows, the exchange."""
     R = len(fits.rows)
+    most = fits.values(fits.least_errors(factor)) - np.array(scores)[:, None]
+    promising = np.triu(most + most.T > _price_of_exchange(fits), 1)
+    found = []
+    for i, k in np.argwhere(promising).tolist() if R > 1 else ():
+        exchange = _exchange(fits, i, k, factor)
+        found.append((exchange.score - scores[i] - scores[k], i, k, exchange))
+    return found
+
+
+def _price_of_exchange(fits: RowFits) -> float:
+    R = len(fits.rows)
+    return cost(fits.criteria, "swapped torques", R * (R - 1) // 2)
+
+
+def _exchange(fits: RowFits, i: int, k: int, factor: float) -> Option:
+    """Two torque columns exchanged; the option's `tau` holds the two errors."""
+    pair, tau = (fits.names[i], fits.names[k]), fits.sketch.tau
+    spread_i, spread_k = abs(factor) * fits.spreads[[i, k], [k, i]]
+    errors = (
+        fits.error(i, factor * fits.of(i, tau, fits.rows[k]), spread_i),
+        fits.error(k, factor * fits.of(k, tau, fits.rows[i]), spread_k),
+    )
     fault = Fault(
         "swapped torques",
         "their torques {are|may be} exchanged: the model of each joint explains the torque of the other",
         pair,
         "exchange the two torque columns in the mapping file",
-        cost(fits.criteria, "swapped torques", R * (R - 1) // 2),
+        _price_of_exchange(fits),
         fix=((pair[0], "tau", pair[1]), (pair[1], "tau", pair[0])),
     )
     score = fits.value(i, errors[0]) + fits.value(k, errors[1]) - fault.cost
     return Option(score, max(errors), (fault,), np.array(errors))
 
 
-def _options(fits: RowFits, k: int, tau: Array, spread: float, simple: bool) -> list[Option]:
-    """Readings of one torque column."""
-    j, name, R = fits.rows[k], fits.names[k], len(fits.rows)
-    y, whole = fits.of(k, tau), tau[:, j]
+def _options(fits: RowFits, k: int, factor: float, simple: bool) -> list[Option]:
+    """Readings of one torque column times a factor: as it is, and with its sign changed."""
+    name = fits.names[k]
     sign = Fault(
         "torque sign",
         "the torque {has|may have} the wrong sign: with the sign changed, the model explains the torque",
         (name,),
         "set torque_sign = -1 for it in a mapping file, or check the sign of its current gain",
-        cost(fits.criteria, "torque sign", R),
+        cost(fits.criteria, "torque sign", len(fits.rows)),
         fix=((name, "torque_sign", -1),),
     )
-    found = []
-    for factor, faults in ((1.0, ()), (-1.0, (sign,))):
-        paid = sum(f.cost for f in faults)
-        error = fits.error(k, factor * y, spread)
-        found.append(Option(fits.value(k, error) - paid, error, faults, factor * whole))
-        if simple or error <= fits.criteria.bad_nrmse:
-            continue
-        rms, gain = fits.gain(k, factor * y)
-        if gain > 1e-6 and _is_far_from_one(gain, fits.criteria.odd_factor):
-            fault = _scale_fault(fits, k, gain)
-            score = fits.value(k, rms / spread) - paid - fault.cost
-            found.append(Option(score, rms / spread, (*faults, fault), factor * whole / gain))
-        found += _springs(fits, k, factor * tau, spread, faults)
-    return found
+    turned = [
+        replace(x, score=x.score - sign.cost, faults=(sign, *x.faults)) for x in fits.readings(k, -factor, simple)
+    ]
+    return [*fits.readings(k, factor, simple), *turned]
+
+
+def _with_its_sign(fits: RowFits, k: int, factor: float, simple: bool) -> list[Option]:
+    """Readings of one torque column times a factor, whose sign is right: as it is, in another unit, with a spring."""
+    y, whole = factor * fits.of(k, fits.sketch.tau), factor * fits.sketch.tau[:, fits.rows[k]]
+    spread = abs(factor) * float(fits.spreads[k, k])
+    error = fits.error(k, y, spread)
+    found = [Option(fits.value(k, error), error, (), whole)]
+    if simple or error <= fits.criteria.bad_nrmse:
+        return found
+    rms, gain = fits.gain(k, y)
+    if gain > 1e-6 and _is_far_from_one(gain, fits.criteria.odd_factor):
+        fault = _scale_fault(fits, k, gain)
+        score = fits.value(k, rms / spread) - fault.cost
+        found.append(Option(score, rms / spread, (fault,), whole / gain))
+    return found + _springs(fits, k, y, whole, spread)
 
 
 def _scale_fault(fits: RowFits, k: int, gain: float) -> Fault:
@@ -196,10 +290,9 @@ def _scale_fault(fits: RowFits, k: int, gain: float) -> Fault:
     return Fault("torque scale", what, (name,), advice, price, False, False)
 
 
-def _springs(fits: RowFits, k: int, tau: Array, spread: float, faults: tuple[Fault, ...]) -> list[Option]:
-    """The torque less a spring or a counterbalance of the joint."""
+def _springs(fits: RowFits, k: int, y: Array, whole: Array, spread: float) -> list[Option]:
+    """The torque `whole`, y at the samples of row k, less a spring or a counterbalance of the joint."""
     j, name, n, R = fits.rows[k], fits.names[k], float(fits.weight[k]), len(fits.rows)
-    y, whole = fits.of(k, tau), tau[:, j]
     kinds: dict[str, Beside] = {"a spring": SPRING}
     quantity, unit, place = ("force", "N", "position") if fits.sketch.robot.prismatic[j] else ("torque", "N·m", "angle")
     if not fits.sketch.robot.prismatic[j]:
@@ -217,10 +310,8 @@ def _springs(fits: RowFits, k: int, tau: Array, spread: float, faults: tuple[Fau
             cost(fits.criteria, "spring", R, numbers, n),
             False,
             False,
-            torque=torque[:, None] * np.eye(fits.sketch.tau.shape[1])[j],
         )
-        score = fits.value(k, rms / spread) - fault.cost - sum(f.cost for f in faults)
-        found.append(Option(score, rms / spread, (*faults, fault), whole, torque))
+        found.append(Option(fits.value(k, rms / spread) - fault.cost, rms / spread, (fault,), whole, torque))
     return found
 
 

@@ -39,39 +39,26 @@ FRICTION_NUMBERS = 4
 
 @dataclass(frozen=True, eq=False)
 class Sketch:
-    """Filtered samples of one log.
-
-    Attributes
-    ----------
-    motion : SketchMotion
-        Robot, positions, velocities and accelerations of the M samples.
-    t : ndarray, shape (M,)
-        Time, s.
-    tau : ndarray, shape (M, J)
-        Torques, N·m (N); NaN where not measured.
-    rows : ndarray of int
-        Joints whose torque can be judged.
-    noise : ndarray, shape (2, J)
-        Standard deviation of the white noise after the filter: of the torques, and of the accelerations (from the
-        positions).
-    ends : tuple of int
-        Index after the last sample of each stretch without a gap.
-    criteria : CheckCriteria
-    given_nominal : ndarray, shape (M, J), or None
-        Rigid torque that replaces the URDF's, for a hypothesis about the rigid torque.
-    earlier : float
-        Time by which the torques were moved to earlier times, s: see `moved_earlier`.
-    """
+    """Filtered samples of one log."""
 
     motion: SketchMotion
+    """Robot, positions, velocities and accelerations of the M samples."""
     t: Array
+    """Time, s, (M,)."""
     tau: Array
+    """Torques, N·m (N), (M, J); NaN where not measured."""
     rows: NDArray[np.intp]
+    """Joints whose torque can be judged."""
     noise: Array
+    """Standard deviation of the white noise after the filter, (2, J): of the torques, and of the accelerations (from
+    the positions)."""
     ends: tuple[int, ...]
+    """Index after the last sample of each stretch without a gap."""
     criteria: CheckCriteria = DEFAULT_CRITERIA
     given_nominal: Array | None = None
+    """Rigid torque that replaces the URDF's, for a hypothesis about the rigid torque, (M, J), or None."""
     earlier: float = 0.0
+    """Time by which the torques were moved to earlier times, s: see `moved_earlier`."""
 
     @classmethod
     def of(
@@ -213,7 +200,7 @@ class Sketch:
 
     def moving(self, **changes: Any) -> Sketch:
         """Copy with another motion; the rigid torque is that of this motion."""
-        return replace(self, motion=replace(self.motion, **changes), given_nominal=None)
+        return replace(self, motion=self.motion.changed(**changes), given_nominal=None)
 
     @property
     def names(self) -> tuple[str, ...]:
@@ -244,7 +231,6 @@ def shared_fit(sketch: Sketch, columns: Mapping[int, Array], left: Array) -> Arr
 
     Parameters
     ----------
-    sketch : Sketch
     columns : mapping of int to ndarray, shape (M, P)
         Joint -> columns of the shared parameters in its torque.
     left : ndarray, shape (M, J)
@@ -256,20 +242,25 @@ def shared_fit(sketch: Sketch, columns: Mapping[int, Array], left: Array) -> Arr
         The shared parameters, then each joint's friction; a parameter without effect is zero.
     """
     R, P = len(sketch.rows), columns[int(sketch.rows[0])].shape[1]
-    rows, y = [], []
+    parts = []
     for k, j in enumerate(sketch.rows):
         use = sketch.used[:, j]
-        X = np.zeros((len(sketch), P + 4 * R))
-        X[:, :P], X[:, P + 4 * k : P + 4 * k + 4] = columns[int(j)], sketch.motion.friction(j)[:, :FRICTION_NUMBERS]
-        rows.append(X[use] / sketch.spread[k])
-        y.append(left[use, j] / sketch.spread[k])
-    X = np.concatenate(rows)
+        own = sketch.motion.friction(j)[:, :FRICTION_NUMBERS]
+        seen = np.column_stack([columns[int(j)], own, left[:, j]])[use] / sketch.spread[k]
+        # a row's own triangle says all that the row says: the rows together are then a small problem
+        triangle = np.asarray(np.linalg.qr(seen, mode="r"))
+        part = np.zeros((len(triangle), P + FRICTION_NUMBERS * R + 1))
+        part[:, :P], part[:, -1] = triangle[:, :P], triangle[:, -1]
+        part[:, P + FRICTION_NUMBERS * k : P + FRICTION_NUMBERS * (k + 1)] = triangle[:, P:-1]
+        parts.append(part)
+    whole = np.concatenate(parts)
+    X, y = whole[:, :-1], whole[:, -1]
     scale = np.sqrt((X**2).sum(axis=0))
     acts = scale > 1e-9 * scale.max()
     if not acts.any():  # SciPy's nnls corrupts memory if its matrix has no column
         return np.zeros(len(scale))
     free = np.concatenate([np.ones(P, bool), np.tile([False, False, False, True], R)])[acts]
-    triangle = np.asarray(np.linalg.qr(np.column_stack([X[:, acts] / scale[acts], np.concatenate(y)]), mode="r"))
+    triangle = np.asarray(np.linalg.qr(np.column_stack([X[:, acts] / scale[acts], y]), mode="r"))
     # a parameter of unknown sign is the difference of two non-negative ones
     A, b = triangle[:, :-1], triangle[:, -1]
     both, _ = nnls(np.column_stack([A, -A[:, free]]), b, maxiter=100 * A.shape[1])

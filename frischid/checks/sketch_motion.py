@@ -12,7 +12,7 @@ from __future__ import annotations
 
 from dataclasses import dataclass, field, replace
 from functools import cached_property
-from typing import Final, Literal
+from typing import Any, Final, Literal
 
 import numpy as np
 from numpy.typing import NDArray
@@ -26,6 +26,8 @@ SPRING: Final = "spring"
 """A torque in proportion to the joint's position."""
 COUNTERBALANCE: Final = "counterbalance"
 """A torque that is a sine of the joint's angle, of any phase."""
+MOTION_ARRAYS: Final = ("q", "v", "a", "sign", "used")
+"""Arrays of a motion, (M, J)."""
 Beside = Literal["spring", "counterbalance"] | int
 """A term fitted beside a joint's friction: a spring, a counterbalance, or the other joint that its motor turns."""
 
@@ -57,28 +59,19 @@ class SignedFit:
 
 @dataclass(frozen=True, eq=False)
 class SketchMotion:
-    """Filtered samples of the motion of one log. Its arrays must not change.
-
-    Attributes
-    ----------
-    robot : Robot
-    q, v, a : ndarray, shape (M, J)
-        Positions, velocities, accelerations: rad, rad/s, rad/s² (m, ...).
-    sign : ndarray, shape (M, J)
-        Smoothed sign of the velocity, filtered like the torque.
-    used : ndarray of bool, shape (M, J)
-        False where the joint stands still.
-    fewest_moving : int
-        A joint that moves in fewer samples is judged on all samples.
-    """
+    """Filtered samples of the motion of one log. Its arrays must not change."""
 
     robot: Robot
     q: Array
     v: Array
     a: Array
+    """`q`, `v`, `a`: Positions, velocities, accelerations, (M, J): rad, rad/s, rad/s² (m, ...)."""
     sign: Array
+    """Smoothed sign of the velocity, filtered like the torque, (M, J)."""
     used: NDArray[np.bool_]
+    """False where the joint stands still, (M, J)."""
     fewest_moving: int
+    """A joint that moves in fewer samples is judged on all samples."""
     _thinned: dict[int, SketchMotion] = field(default_factory=dict, init=False, repr=False)
     _bodies: dict[str, Array] = field(default_factory=dict, init=False, repr=False)
     _columns: dict[tuple[int, Beside | None], Array] = field(default_factory=dict, init=False, repr=False)
@@ -87,11 +80,23 @@ class SketchMotion:
     def __len__(self) -> int:
         return len(self.q)
 
+    def changed(self, **changes: Any) -> SketchMotion:
+        """Another motion or robot. It shares the factored columns of every joint whose motion is the same."""
+        other = replace(self, **changes)
+        same = [(getattr(self, name) == getattr(other, name)).all(axis=0) for name in MOTION_ARRAYS]
+        alike = np.logical_and.reduce(same)
+
+        def shared(j: int, beside: Beside | None) -> bool:
+            return bool(alike[j] and (not isinstance(beside, int) or alike[beside]))
+
+        other._columns.update({key: x for key, x in self._columns.items() if shared(*key)})
+        other._fits.update({key: x for key, x in self._fits.items() if shared(*key)})
+        return other
+
     def thinned(self, every: int) -> SketchMotion:
         """Every n-th sample."""
         if every not in self._thinned:
-            names = ("q", "v", "a", "sign", "used")
-            self._thinned[every] = replace(self, **{name: getattr(self, name)[::every] for name in names})
+            self._thinned[every] = replace(self, **{name: getattr(self, name)[::every] for name in MOTION_ARRAYS})
         return self._thinned[every]
 
     @cached_property

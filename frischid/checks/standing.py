@@ -29,34 +29,21 @@ from frischid.logs.poses import FEWEST_POSES, Poses, poses_of
 
 @dataclass(frozen=True)
 class Push:
-    """A torque that appears while the arm stands still.
-
-    Attributes
-    ----------
-    start, stop : float
-        s
-    joints : tuple of str
-        Joints whose torque shows it.
-    torque : float
-        Largest change of a torque, N·m (N).
-    strength : float
-        Largest smoothed change in robust standard deviations.
-    """
+    """A torque that appears while the arm stands still."""
 
     start: float
     stop: float
+    """`start`, `stop`: s."""
     joints: tuple[str, ...]
+    """Joints whose torque shows it."""
     torque: float
+    """Largest change of a torque, N·m (N)."""
     strength: float
+    """Largest smoothed change in robust standard deviations."""
 
 
 def pushes(log: Log, criteria: CheckCriteria = DEFAULT_CRITERIA) -> list[Push]:
     """Torques that appear while every joint of a log stands still.
-
-    Parameters
-    ----------
-    log : Log
-    criteria : CheckCriteria
 
     Returns
     -------

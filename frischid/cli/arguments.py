@@ -16,30 +16,20 @@ from frischid.errors import InputError, UnknownNameError
 
 @dataclass(frozen=True)
 class RobotArguments:
-    """The options of `robot_options`, as text.
-
-    Attributes
-    ----------
-    joints : str or None
-        Joints that move, as a list of names and patterns.
-    lock : tuple of str
-        ``JOINT`` or ``JOINT=ANGLE``.
-    gravity : tuple of float or None
-        In the world, m/s²; None: as the robot's file says.
-    base_rpy : tuple of float or None
-        Roll, pitch and yaw of the base, rad.
-    frames : str
-        Frames of the link parameters.
-    known : tuple of str
-        ``NAME=VALUE``.
-    """
+    """The options of `robot_options`, as text."""
 
     joints: str | None
+    """Joints that move, as a list of names and patterns."""
     lock: tuple[str, ...]
+    """``JOINT`` or ``JOINT=ANGLE``."""
     gravity: tuple[float, float, float] | None
+    """In the world, m/s²; None: as the robot's file says."""
     base_rpy: tuple[float, float, float] | None
+    """Roll, pitch and yaw of the base, rad."""
     frames: str
+    """Frames of the link parameters."""
     known: tuple[str, ...]
+    """``NAME=VALUE``."""
 
 
 def robot_options(command: Callable[..., Any]) -> Callable[..., Any]:

@@ -34,21 +34,14 @@ SIGNALS = ("current", "voltage")
 
 @dataclass(frozen=True)
 class ControllerArguments:
-    """The options of `controller_options`, as text.
-
-    Attributes
-    ----------
-    controller : str or None
-        ``pd``, ``current``, ``voltage``, or a TOML file.
-    values : dict of str to str
-        Option -> a number, or ``JOINT=VALUE,...``; options that were not given are absent.
-    held : bool
-        Whether the drive keeps each command until the next one.
-    """
+    """The options of `controller_options`, as text."""
 
     controller: str | None
+    """``pd``, ``current``, ``voltage``, or a TOML file."""
     values: dict[str, str]
+    """Option -> a number, or ``JOINT=VALUE,...``; options that were not given are absent."""
     held: bool = False
+    """Whether the drive keeps each command until the next one."""
     gain: str | None = None
 
     def currents(self, joints: Sequence[str]) -> CurrentGains | None:

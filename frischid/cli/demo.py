@@ -33,35 +33,23 @@ HIDDEN, STRENGTH = "joint_spring@joint2", {"ks2": 1.5}
 
 @dataclass(frozen=True, eq=False)
 class Demo:
-    """A finished demonstration.
-
-    Attributes
-    ----------
-    found : Identification
-    truth : ndarray, shape (p,)
-        True base parameters.
-    seconds : float
-        Length of each of the two simulated logs.
-    rate : float
-        Samples per second, Hz.
-    diagnosis : Diagnosis
-        Diagnosis of the arm with the hidden effect.
-    step : Step
-        The step that added the effect found.
-    model : Model
-        Model of the arm with the hidden effect, before that step.
-    logs : tuple of Log
-        Two motions of that arm; the model was not fitted to the second.
-    """
+    """A finished demonstration."""
 
     found: Identification
     truth: Array
+    """True base parameters, (p,)."""
     seconds: float
+    """Length of each of the two simulated logs."""
     rate: float
+    """Samples per second, Hz."""
     diagnosis: Diagnosis
+    """Diagnosis of the arm with the hidden effect."""
     step: Step
+    """The step that added the effect found."""
     model: Model
+    """Model of the arm with the hidden effect, before that step."""
     logs: tuple[Log, ...]
+    """Two motions of that arm; the model was not fitted to the second."""
 
 
 def run(seed: int, progress: Callable[[str], None] = lambda _: None) -> Demo:

@@ -158,10 +158,11 @@ def identify(
     with working(as_json) as progress:
         progress("reading logs")
         machine, data = load(robot, RobotArguments(**options), logs, mapping, whole=False, progress=progress)
+        tests = opened(valid, machine, mapping, progress)
         found = run(
             machine,
             data,
-            valid=opened(valid, machine, mapping, progress),
+            valid=tests,
             effects=None if effects is None else effects_of(effects),
             torque_joints=matching(torque_joints, machine.joints),
             cutoff=cutoff_of(cutoff),
@@ -178,7 +179,6 @@ def identify(
         )
         if simulated:
             chosen = OutputErrorOptions() if horizon is None else OutputErrorOptions(horizon=horizon)
-            tests = opened(valid, machine, mapping, progress)
             moved = output_error(found.model, data, valid=tests, options=chosen, progress=progress)
             if output:
                 moved.model.save(output)

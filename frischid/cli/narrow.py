@@ -31,10 +31,8 @@ class Wide(Table):
 
     Parameters
     ----------
-    *headings : str
     droppable : sequence of str
         Headings of columns that a narrow terminal may go without, the least important first.
-    title : str, optional
     """
 
     def __init__(self, *headings: str, droppable: Sequence[str] = (), title: str | None = None) -> None:
@@ -69,10 +67,6 @@ def fitted(part: Any, width: int) -> list[RenderableType]:
         A text without an indent is returned as it is; a text with one hangs from it.
     width : int
         Characters per line.
-
-    Returns
-    -------
-    list of renderable
     """
     if isinstance(part, Command):
         return _continued(part, width)

@@ -23,20 +23,12 @@ STANDARD_ERRORS = 4.0
 
 @dataclass(frozen=True)
 class Trial:
-    """One step of the self-test.
-
-    Attributes
-    ----------
-    name : str
-    passed : bool
-    detail : str
-        A figure, or the error.
-    seconds : float
-    """
+    """One step of the self-test."""
 
     name: str
     passed: bool
     detail: str
+    """A figure, or the error."""
     seconds: float
 
 
@@ -44,14 +36,14 @@ def self_test() -> list[Trial]:
     """Run all steps; a step that raises has failed, and the next ones still run."""
     done: list[Demo] = []
 
-    def run() -> tuple[bool, str]:
+    def demonstrated() -> tuple[bool, str]:
         from frischid.cli.demo import run
 
         done.append(run(0))
         return True, "an arm with known parameters, and the same arm with a hidden spring"
 
     steps: dict[str, Callable[[], tuple[bool, str]]] = {
-        "simulate, identify, diagnose": run,
+        "simulate, identify, diagnose": demonstrated,
         "parameters": lambda: _parameters(done[0]),
         "missing effect": lambda: _diagnosis(done[0]),
         "save and load": lambda: _saved(done[0]),

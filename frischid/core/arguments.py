@@ -10,20 +10,14 @@ from frischid.errors import InputError
 
 
 def check_kind(name: str, value: Any, kind: type, remedy: str) -> None:
-    """Refuse a value of another type.
+    """Refuse (InputError) a value of another type.
 
     Parameters
     ----------
     name : str
         Name of the argument.
-    value : object
-    kind : type
     remedy : str
         How to make such a value.
-
-    Raises
-    ------
-    InputError
 
     Examples
     --------
@@ -38,11 +32,7 @@ def check_kind(name: str, value: Any, kind: type, remedy: str) -> None:
 
 
 def check_number(name: str, value: Any) -> None:
-    """Refuse what is no single real number, such as a text or a list.
-
-    Raises
-    ------
-    InputError
+    """Refuse (InputError) what is no single real number, such as a text or a list.
 
     Examples
     --------

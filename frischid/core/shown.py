@@ -18,12 +18,7 @@ class Shown:
         return str(_maker().page_of(self))
 
     def plot(self) -> Any:
-        """The figure that says most of this result.
-
-        Returns
-        -------
-        plotly.graph_objects.Figure
-        """
+        """The figure that says most of this result."""
         return _maker().figure_of(self)
 
     def to_frame(self, backend: str = "auto") -> Any:
@@ -33,10 +28,6 @@ class Shown:
         ----------
         backend : str
             ``"pandas"``, ``"polars"`` or ``"pyarrow"``; ``"auto"`` takes the first of them that is installed.
-
-        Returns
-        -------
-        pandas.DataFrame, polars.DataFrame or pyarrow.Table
 
         Raises
         ------

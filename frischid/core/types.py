@@ -22,19 +22,6 @@ Sign = Literal[-1, 0, 1]
 class Column:
     """Meaning of one column of the regressor.
 
-    Attributes
-    ----------
-    name : str
-        Parameter name, unique within a regressor (``mx3``, ``fv1``).
-    unit : str
-        Unit of the parameter (``kg·m``).
-    joint : str
-        Joint (and so link) that the column belongs to.
-    effect : str
-        ``"rigid"``, or the identifier of the effect that computes the column.
-    sign : {-1, 0, 1}
-        Known sign of the parameter; 0 when either sign is possible.
-
     Examples
     --------
     >>> from frischid.core.types import Column
@@ -43,7 +30,12 @@ class Column:
     """
 
     name: str
+    """Parameter name, unique within a regressor (``mx3``, ``fv1``)."""
     unit: str
+    """Unit of the parameter (``kg·m``)."""
     joint: str
+    """Joint (and so link) that the column belongs to."""
     effect: str
+    """``"rigid"``, or the identifier of the effect that computes the column."""
     sign: Sign = 0
+    """Known sign of the parameter; 0 when either sign is possible."""

@@ -13,13 +13,13 @@ The logs given fit the parameters. Logs given as ``valid`` only test: their erro
 from __future__ import annotations
 
 from collections.abc import Callable, Sequence
-from dataclasses import replace
+from dataclasses import dataclass, replace
 from typing import Any
 
 from frischid.core.threads import on_one_thread
 from frischid.diagnosis.criteria import DIAGNOSIS_CRITERIA, DiagnosisCriteria
 from frischid.diagnosis.findings import Finding
-from frischid.diagnosis.refit import check_formulas, fitted_error, known_error, refitted
+from frischid.diagnosis.refit import Refit, check_formulas, known_error, refitted
 from frischid.diagnosis.roles import decided_situation
 from frischid.diagnosis.situation import Situation, SituationOption, check_situation
 from frischid.diagnosis.step import Step
@@ -114,7 +114,7 @@ def add(
         progress("what changed since the model was identified (1 of 3)")
         situation = decided_situation(model, logs, criteria=criteria, valid=valid).situation
     progress("fitting with the effect (2 of 3)")
-    step = fitted_step(model, effects, logs, situation, finding, criteria)
+    step = trial(model, effects, logs, situation, finding, criteria).step()
     progress("the error before and after (3 of 3)")
     return tested(model, step, valid)
 
@@ -126,19 +126,57 @@ def undo(model: Model) -> Model:
     return model.previous
 
 
-def fitted_step(
+@dataclass(frozen=True, eq=False)
+class Trial:
+    """A refit of a model with some effects, before anybody accepts it."""
+
+    model: Model
+    """Without the effects."""
+    effects: tuple[Effect, ...]
+    logs: Sequence[Log | Recording]
+    """The logs that fit."""
+    situation: Situation
+    finding: Finding | None
+    """The finding that proposed the effects."""
+    refit: Refit
+    """With the effects."""
+    error_before: float
+    error_after: float
+    """`error_before`, `error_after`: NRMSE on the logs that select."""
+
+    def step(self) -> Step:
+        """The step that accepts the trial; the model's history tells of it."""
+        new, changed = self.refit.complete(), self.situation == "changed"
+        how = "on the fitted logs, with the models before and after the step"
+        measured_on = how if changed else "cross-validated on the fitted logs"
+        event: dict[str, Any] = {
+            "action": "add",
+            "effects": [str(e) for e in self.effects],
+            "situation": self.situation,
+            "error_before": self.error_before,
+            "measured_on": measured_on,
+            "sentence": "" if self.finding is None else self.finding.sentence,
+            "logs": [fitted_entry(log) for log in self.logs],
+        }
+        own = {k: v for k, v in new.history[-1].items() if k == "cross_validated"}
+        # A cross-validated error is the error after the step, unless the models were compared in another way.
+        event |= own if own and not changed else {"error_after": self.error_after, **own}
+        new = replace(new, history=(*self.model.history, event), previous=self.model)
+        return Step(new, self.effects[0], self.error_before, self.error_after, measured_on, self.finding)
+
+
+def trial(
     model: Model,
     effects: Sequence[Effect],
     logs: Sequence[Log | Recording],
     situation: Situation,
     finding: Finding | None,
     criteria: DiagnosisCriteria,
-) -> Step:
+) -> Trial:
     """Refit with some effects, and measure the error before and after on the logs that select.
 
     Parameters
     ----------
-    model : Model
     effects : sequence of Effect
         Effects to add.
     logs : sequence of Log or Recording
@@ -146,11 +184,6 @@ def fitted_step(
     situation : {"always", "changed"}
     finding : Finding, optional
         The finding that proposed the effects.
-    criteria : DiagnosisCriteria
-
-    Returns
-    -------
-    Step
 
     Raises
     ------
@@ -161,26 +194,11 @@ def fitted_step(
     columns_of(model.robot, together)  # refuses two effects with the same columns before any work
     new = refitted(model, together, logs, situation, criteria)
     if situation == "changed":
-        before, after = (compare(m, logs).nrmse for m in (model, new))
-        measured_on = "on the fitted logs, with the models before and after the step"
+        before, after = (compare(m, logs).nrmse for m in (model, new.model))
     else:
-        known, after = known_error(model, logs), fitted_error(new)
-        before = fitted_error(refitted(model, model.effects, logs, situation, criteria)) if known is None else known
-        measured_on = "cross-validated on the fitted logs"
-    event: dict[str, Any] = {
-        "action": "add",
-        "effects": [str(e) for e in effects],
-        "situation": situation,
-        "error_before": before,
-        "measured_on": measured_on,
-        "sentence": "" if finding is None else finding.sentence,
-        "logs": [fitted_entry(log) for log in logs],
-    }
-    own = {k: v for k, v in new.history[-1].items() if k == "cross_validated"}
-    # A cross-validated error is the error after the step, unless the models were compared in another way.
-    event |= own if own and situation != "changed" else {"error_after": after, **own}
-    new = replace(new, history=(*model.history, event), previous=model)
-    return Step(new, effects[0], before, after, measured_on, finding)
+        known, after = known_error(model, logs), new.error
+        before = refitted(model, model.effects, logs, situation, criteria).error if known is None else known
+    return Trial(model, tuple(effects), logs, situation, finding, new, before, after)
 
 
 def tested(before: Model, step: Step, valid: Sequence[Log | Recording]) -> Step:
@@ -190,13 +208,8 @@ def tested(before: Model, step: Step, valid: Sequence[Log | Recording]) -> Step:
     ----------
     before : Model
         The model before the step.
-    step : Step
     valid : sequence of Log or Recording
         Test logs; without any, the step is returned as given.
-
-    Returns
-    -------
-    Step
     """
     if not valid:
         return step

@@ -87,11 +87,6 @@ def less_error(validator: CrossValidator, one: Candidate, other: Candidate) -> f
     """P value over blocks of time that one candidate leaves less error than another, on the joints of the first.
 
     Paired and one-sided: in each block of time the two held-out errors are compared. Both candidates are scored alone.
-
-    Parameters
-    ----------
-    validator : CrossValidator
-    one, other : Candidate
     """
     fits = _Fits.of(validator, one), _Fits.of(validator, other)
     if fits[0] is None or fits[1] is None:
@@ -106,22 +101,15 @@ def block_gains(validator: CrossValidator, candidate: Candidate) -> BlockGains |
 
 
 class _Fits(NamedTuple):
-    """Fits of a candidate without each fold in turn, and to all folds.
-
-    Attributes
-    ----------
-    candidate : Candidate or None
-        None: the model alone.
-    theta, beta : ndarray, shape (folds + 1, p) and (folds + 1, k)
-        The last fit leaves no fold out.
-    shares : ndarray, shape (folds,)
-        Share of the difference between a fold's two errors that counts.
-    """
+    """Fits of a candidate without each fold in turn, and to all folds."""
 
     candidate: Candidate | None
+    """None: the model alone."""
     theta: Array
     beta: Array | None
+    """`theta`, `beta`: The last fit leaves no fold out, (folds + 1, p) and (folds + 1, k)."""
     shares: Array
+    """Share of the difference between a fold's two errors that counts, (folds,)."""
 
     @classmethod
     def of(cls, validator: CrossValidator, candidate: Candidate) -> _Fits | None:

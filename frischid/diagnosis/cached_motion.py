@@ -45,60 +45,40 @@ def lasting(spans: Iterable[tuple[float, float]]) -> float:
 
 @dataclass(frozen=True, eq=False)
 class CachedMotion:
-    """One motion with N filtered samples.
-
-    Attributes
-    ----------
-    number : int
-        Position among all motions.
-    source : str
-        The log.
-    start : float
-        Time at which the log begins, s.
-    extra : sequence of str
-        Further channels of the log.
-    raw : int
-        Samples before the filter.
-    step : float
-        Time between these, s.
-    fold : int or None
-        Fold of all its rows; None where the motion is cut into several folds.
-    cuts : int
-        Number of folds that the motion is cut into where `fold` is None.
-    block : int
-        Number of its first block of time, counted over all motions.
-    seconds : float
-        Length of a block.
-    counts : sequence of int
-        Rows of each joint.
-    t : Stored
-        Times of the filtered samples, s.
-    Z : sequence of Stored
-        For each joint the k columns that act on the joint, and its torque less `known`, (rows, k + 1).
-    known : sequence of Stored
-        For each joint the torque of known parameters, (rows,); empty for a robot without any.
-    picked : sequence of Stored
-        Filtered samples of each joint's rows.
-    state : State or mapping of str to Stored
-        Unfiltered motion, from which effects make their columns.
-    """
+    """One motion with N filtered samples."""
 
     number: int
+    """Position among all motions."""
     source: str
+    """The log."""
     start: float
+    """Time at which the log begins, s."""
     extra: Sequence[str]
+    """Further channels of the log."""
     raw: int
+    """Samples before the filter."""
     step: float
+    """Time between these, s."""
     fold: int | None
+    """Fold of all its rows; None where the motion is cut into several folds."""
     cuts: int
+    """Number of folds that the motion is cut into where `fold` is None."""
     block: int
+    """Number of its first block of time, counted over all motions."""
     seconds: float
+    """Length of a block."""
     counts: Sequence[int]
+    """Rows of each joint."""
     t: Stored
+    """Times of the filtered samples, s."""
     Z: Sequence[Stored]
+    """For each joint the k columns that act on the joint, and its torque less `known`, (rows, k + 1)."""
     known: Sequence[Stored]
+    """For each joint the torque of known parameters, (rows,); empty for a robot without any."""
     picked: Sequence[Stored]
+    """Filtered samples of each joint's rows."""
     state: State | Mapping[str, Stored]
+    """Unfiltered motion, from which effects make their columns."""
 
     @property
     def in_memory(self) -> bool:
@@ -114,20 +94,13 @@ class CachedMotion:
 
 @dataclass(eq=False)
 class JointData:
-    """Torque and columns of one joint over one motion, n rows; read when a stage asks for them.
-
-    Attributes
-    ----------
-    motion : CachedMotion
-    row : int
-        Position of the joint among the fitted ones.
-    left_out : sequence of (str, float, float)
-        Stretches of time that are left out: source, start, stop, s.
-    """
+    """Torque and columns of one joint over one motion, n rows; read when a stage asks for them."""
 
     motion: CachedMotion
     row: int
+    """Position of the joint among the fitted ones."""
     left_out: Sequence[Stretch] = ()
+    """Stretches of time that are left out: source, start, stop, s."""
 
     @cached_property
     def at(self) -> Indices | slice:

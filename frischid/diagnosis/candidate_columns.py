@@ -27,26 +27,17 @@ FILTERED_AT_ONCE = 300_000
 
 @dataclass(frozen=True, eq=False)
 class Candidate:
-    """Columns of one effect in one place and shape over all motions.
-
-    Attributes
-    ----------
-    effect : Effect
-    columns : mapping of int to Series
-        Position of the joint among the fitted ones -> for each motion an array (rows, k).
-    signs : tuple of int
-        Known signs of the k coefficients; 0 where unknown.
-    finite : bool
-        Whether all values are finite.
-    beside : tuple of Effect
-        Changes of old parameters whose columns follow those of the effect (`after_change`).
-    """
+    """Columns of one effect in one place and shape over all motions."""
 
     effect: Effect
     columns: Mapping[int, Series]
+    """Position of the joint among the fitted ones -> for each motion an array (rows, k)."""
     signs: tuple[int, ...]
+    """Known signs of the k coefficients; 0 where unknown."""
     finite: bool = True
+    """Whether all values are finite."""
     beside: tuple[Effect, ...] = ()
+    """Changes of old parameters whose columns follow those of the effect (`after_change`)."""
 
     @property
     def effects(self) -> tuple[Effect, ...]:
@@ -60,22 +51,15 @@ class Candidate:
 
 @dataclass(frozen=True, eq=False)
 class ColumnTask:
-    """The data of one motion that a worker process needs to compute columns.
-
-    Attributes
-    ----------
-    state : State
-    filter : sparse matrix, shape (filtered samples, N)
-    rows : mapping of int to int
-        Joint of the robot -> position among the fitted ones.
-    picked : sequence of ndarray of int
-        Filtered samples of each fitted joint's rows.
-    """
+    """The data of one motion that a worker process needs to compute columns."""
 
     state: State
     filter: sparse.csr_array
+    """Shape (filtered samples, N)."""
     rows: Mapping[int, int]
+    """Joint of the robot -> position among the fitted ones."""
     picked: Sequence[NDArray[np.int32]]
+    """Filtered samples of each fitted joint's rows."""
 
 
 @dataclass(frozen=True, eq=False)

@@ -40,21 +40,14 @@ Fits = tuple[CandidateFit | None, ...]
 
 
 class Score(NamedTuple):
-    """Sums of squared residuals with a candidate, and its coefficients.
-
-    Attributes
-    ----------
-    sse : ndarray, shape (folds, J)
-        Of each fold under the fit to the others.
-    predictive : ndarray, shape (folds, J)
-        The same without the error that uncertain parameters alone cause: Q of `weighted_fit`.
-    beta : ndarray, shape (k,)
-        Fitted to all folds.
-    """
+    """Sums of squared residuals with a candidate, and its coefficients."""
 
     sse: Array
+    """Of each fold under the fit to the others, (folds, J)."""
     predictive: Array
+    """The same without the error that uncertain parameters alone cause: Q of `weighted_fit`, (folds, J)."""
     beta: Array
+    """Fitted to all folds, (k,)."""
 
 
 class _Sums(NamedTuple):
@@ -72,10 +65,8 @@ def candidate_fits(
 
     Parameters
     ----------
-    fit : WeightedFit
     moments : sequence of (Moments, Moments)
         Of each candidate, as `ModelColumns.moments` gives them.
-    candidates : sequence of Candidate
     """
     found: dict[int, Fits] = {}
     for width in sorted({len(c.signs) for c in candidates}):

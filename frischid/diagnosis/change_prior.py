@@ -53,11 +53,6 @@ _UNSTATED = 10.0  # N·m (N): torque limit of a robot whose URDF states none
 _STATES = 16  # random configurations from which a joint's typical inertia is taken
 
 
-def identification_prior(model: Model) -> Prior:
-    """The identification as the prior of a robot that has not changed: a missing effect may have biased it."""
-    return Prior(model.estimate.theta, model.estimate.information)
-
-
 def prior_before_change(model: Model) -> Prior:
     """The identification as the prior of a robot that changed afterwards, with its error on another motion."""
     share = 1.0 if model.fitted is None else float(model.fitted.model_share.mean())

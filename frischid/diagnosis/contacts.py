@@ -20,6 +20,10 @@ error above the noise; otherwise only a strong burst on more than one joint is a
 before the touched link. The filter spreads a push, so a contact lasts where the residual has half of its largest value,
 while the fit leaves out the whole burst.
 
+While the arm stands still, dry friction holds any torque up to break-away, so a model can predict gravity only, and a
+missing effect cannot be distinguished from friction. But gravity and friction stay as they are: a torque that appears
+for a while is a contact (`frischid.checks.standing`).
+
 Sources: Rousseeuw and Leroy 1987, Robust Regression and Outlier Detection, Wiley; Cook 1977, "Detection of influential
 observation in linear regression", Technometrics 19(1).
 """
@@ -27,12 +31,14 @@ observation in linear regression", Technometrics 19(1).
 from __future__ import annotations
 
 from collections.abc import Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 
 import numpy as np
 from scipy import ndimage
 
+from frischid.checks.standing import pushes
 from frischid.core.bursts import robust_std
+from frischid.core.text import listed
 from frischid.core.types import Array
 from frischid.diagnosis.cached_motion import Stretch
 from frischid.diagnosis.candidate_columns import Candidate
@@ -44,6 +50,10 @@ from frischid.diagnosis.residual_variables import MOST_ROWS, speeds, thinned
 from frischid.diagnosis.reversal_residuals import filtered_width
 from frischid.diagnosis.robust_fit import robust_parameters
 from frischid.diagnosis.unmodelled_terms import best_unmodelled
+from frischid.logs.log import Log
+from frischid.logs.poses import in_motion
+from frischid.logs.recording import Recording
+from frischid.model.model import Model
 
 _ROUNDS = 5  # of the trimmed fit; the bursts usually stay the same after two
 
@@ -73,18 +83,12 @@ class Contact:
 
 @dataclass(frozen=True)
 class Burst:
-    """A contact, and the longer stretch over which the filter spreads the contact's torque.
-
-    Attributes
-    ----------
-    contact : Contact
-    start, stop : float
-        s. The fit leaves this stretch out.
-    """
+    """A contact, and the longer stretch over which the filter spreads the contact's torque."""
 
     contact: Contact
     start: float
     stop: float
+    """`start`, `stop`: s. The fit leaves this stretch out."""
 
 
 def stretches(bursts: Sequence[Burst]) -> list[Stretch]:
@@ -97,13 +101,8 @@ def find_contacts(validator: CrossValidator, floor: Array) -> list[Burst]:
 
     Parameters
     ----------
-    validator : CrossValidator
     floor : ndarray, shape (J,)
         Sensor noise of each joint, N·m (N): lower limit of the joint's robust standard deviation.
-
-    Returns
-    -------
-    list of Burst
     """
     found, rest, theta = _trimmed(validator, floor)
     if found and not _stands_out(validator, rest, floor, theta):
@@ -174,7 +173,7 @@ def _bursts(validator: CrossValidator, rest: CrossValidator, theta: Array, unit:
         for row, noise in enumerate(scale):
             joint, active = data.of_motion(row, number), data.cache.active[row]
             variance = np.einsum("ni,ij,nj->n", joint.Y, covariance[np.ix_(active, active)], joint.Y, optimize=True)
-            error = joint.tau - validator.columns.predicted(joint, theta)
+            error = validator.columns.residual(joint, theta)
             sigma = np.sqrt(noise**2 + variance)
             z[joint.picked, row], friction[joint.picked, row] = error / sigma, dry[row] / sigma
         reach = filtered_width(validator.model.lowpass, data.cache.motions[number].step)
@@ -233,7 +232,6 @@ def made_by_something_steady(validator: CrossValidator, rest: CrossValidator, fi
     ----------
     validator, rest : CrossValidator
         Fits to all rows, and to the rows without the bursts.
-    findings : sequence of Finding
     """
     if any(_explains(validator, rest, validator.candidates(f.members)) for f in findings if f.significant):
         return True
@@ -257,3 +255,33 @@ def _error_of_bursts(validator: CrossValidator, rest: CrossValidator) -> Array:
     joints = range(len(validator.joints))
     everywhere, between = ([v.squares(row, validator.theta) for row in joints] for v in (validator, rest))
     return np.asarray((np.array(everywhere) - np.array(between)) / validator.spread**2)
+
+
+def contacts_at_rest(model: Model, logs: Sequence[Log | Recording]) -> list[Contact]:
+    """Torques that appear while the whole arm stands still, on the model's joints.
+
+    Parameters
+    ----------
+    logs : sequence of Log or Recording
+        Long recordings are not searched.
+    """
+    found = []
+    for log in logs:
+        if isinstance(log, Recording):
+            continue
+        part = log.select(model.robot.joints)
+        if part.tau is not None:  # joints without a fitted torque still have to stand still
+            tau = part.tau.copy()
+            tau[:, [j for j, name in enumerate(part.joints) if name not in model.joints]] = 0.0
+            part = replace(part, tau=tau)
+        found += [Contact(log.source, p.start, p.stop, list(p.joints), p.strength) for p in pushes(part)]
+    return found
+
+
+def said_of(model: Model, logs: Sequence[Log | Recording]) -> list[str]:
+    """A sentence on static logs among logs in which the arm moves; none without any."""
+    moving = in_motion(logs, model.robot.joints)
+    still = [log.source for log in logs if all(log is not other for other in moving)]
+    if not still:
+        return []
+    return [f"{listed(still)}: the arm stands still, so only contacts are searched there"]

@@ -84,7 +84,7 @@ def _rows(
     for state, data in zip(validator.data.cache.sampled_states(), validator.data.motions_of(row), strict=True):
         k = data.picked
         states.append(np.column_stack([x[k, j] for x in (state.q, state.v, state.a, state.load)]))
-        residuals.append(data.tau - validator.columns.predicted(data, theta))
+        residuals.append(validator.columns.residual(data, theta))
         mark, margin, t = np.full(len(k), -1), np.full(len(k), -1), state.t[k]
         for number, (source, start, stop) in enumerate(bursts):
             if source == data.motion.source:

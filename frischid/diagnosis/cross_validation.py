@@ -47,20 +47,14 @@ from frischid.model.standstill_joints import STANDSTILL_LOG, rows_of
 
 @dataclass(frozen=True, eq=False)
 class CrossValidator:
-    """A model's fit to some logs, fold by fold, ready to score candidates.
-
-    Attributes
-    ----------
-    fit : WeightedFit
-    spread : ndarray, shape (J,)
-        Standard deviation of each joint's torque, N·m (N).
-    known_residual : ndarray, shape (J,)
-        NRMSE of each joint that was there before the robot changed, so it cannot be the change. Zero: all error counts.
-    """
+    """A model's fit to some logs, fold by fold, ready to score candidates."""
 
     fit: WeightedFit
     spread: Array
+    """Standard deviation of each joint's torque, N·m (N), (J,)."""
     known_residual: Array
+    """NRMSE of each joint that was there before the robot changed, so it cannot be the change, (J,). Zero: all error
+    counts."""
     _wider: dict[Candidate, CrossValidator] = field(init=False, repr=False, default_factory=dict)
     _fits: dict[Candidate, Fits] = field(init=False, repr=False, default_factory=dict)
     _predicted: dict[JointData, tuple[Array, Array]] = field(init=False, repr=False, default_factory=dict)
@@ -79,12 +73,10 @@ class CrossValidator:
 
         Parameters
         ----------
-        model : Model
         logs : sequence of Log or Recording
             Each log is one fold; each motion of a single log is cut into folds.
         prior : Prior
             Of the p base parameters.
-        criteria : DiagnosisCriteria, optional
         workers : Workers, optional
             Processes that compute columns of candidates, this process by default.
 
@@ -127,10 +119,6 @@ class CrossValidator:
     def with_prior(self, prior: Prior) -> CrossValidator:
         """The same data and columns under another prior."""
         return replace(self, fit=WeightedFit.of(self.columns, prior, self.spread))
-
-    def with_known_residual(self, known: Array) -> CrossValidator:
-        """The same fit, where only the error above a known NRMSE of each joint, (J,), counts as new."""
-        return replace(self, known_residual=known)
 
     def without(self, stretches: Sequence[Stretch]) -> CrossValidator:
         """The same columns and prior without some stretches of time: (source, start, stop) each, s."""
@@ -238,7 +226,7 @@ class CrossValidator:
     def screened(self, places: Sequence[Sequence[Effect]]) -> list[Sequence[Effect]]:
         """The shapes of each effect that best fit the residual, where an effect has many."""
         columns, theta = self.columns, self.theta
-        return screened(self.data, places, lambda x: x.tau - columns.predicted(x, theta), self.fit.omega)
+        return screened(self.data, places, lambda x: columns.residual(x, theta), self.fit.omega)
 
     def fits(self, candidates: Sequence[Candidate]) -> list[Fits]:
         """Fits of some candidates, each alone. They are kept; many candidates at once are fitted faster."""

@@ -29,7 +29,6 @@ class RegressionData:
 
     Parameters
     ----------
-    cache : MotionCache
     left_out : sequence of (str, float, float), optional
         Stretches of time: source, start, stop, s.
 
@@ -98,7 +97,6 @@ class RegressionData:
 
         Parameters
         ----------
-        data : JointData
         theta : ndarray, shape (p,) or (folds, p)
             Base parameters; where there are several sets, each row takes that of its own fold.
         added : sequence of (Candidate, ndarray of shape (k,) or (folds, k))

@@ -26,18 +26,26 @@ from frischid.core.arguments import check_kind
 from frischid.core.parallel import Workers
 from frischid.core.text import shortened
 from frischid.core.threads import on_one_thread
-from frischid.diagnosis.contacts import Contact
-from frischid.diagnosis.contacts_at_rest import contacts_at_rest, said_of
+from frischid.diagnosis.contacts import (
+    Contact,
+    contacts_at_rest,
+    find_contacts,
+    made_by_something_steady,
+    said_of,
+    stretches,
+)
 from frischid.diagnosis.criteria import DIAGNOSIS_CRITERIA, DiagnosisCriteria
-from frischid.diagnosis.effect_findings import refit_finding
+from frischid.diagnosis.cross_validation import CrossValidator
+from frischid.diagnosis.effect_findings import find_effects, refit_finding
 from frischid.diagnosis.floor import Floor
 from frischid.diagnosis.hypotheses import Evidence, evidence_of
 from frischid.diagnosis.model_notes import change_in_tests, delay_in, limit_in, touch_in, untried
 from frischid.diagnosis.probability import probabilities
 from frischid.diagnosis.residual_formula import describe
 from frischid.diagnosis.result import Diagnosis
-from frischid.diagnosis.situation import SituationOption, check_situation, cross_validator, priors_of
-from frischid.diagnosis.stages import best_stages, stages
+from frischid.diagnosis.situation import Situation, SituationOption, cross_validator, logs_to_diagnose, priors_of
+from frischid.diagnosis.torque_limits import beyond_limits, find_limits
+from frischid.diagnosis.unmodelled_terms import unmodelled_term
 from frischid.diagnosis.verdict import (
     StageResults,
     Verdict,
@@ -53,14 +61,13 @@ from frischid.diagnosis.verdict import (
 from frischid.effects import EFFECTS
 from frischid.errors import InputError, UnknownNameError
 from frischid.logs.excerpt import as_recording, excerpt
-from frischid.logs.given import Logs, as_logs
+from frischid.logs.given import Logs
 from frischid.logs.log import Log
 from frischid.logs.mapping import MappingLike
 from frischid.logs.poses import NOTHING_MOVES, in_motion
-from frischid.logs.recording import Recording, check_logs
+from frischid.logs.recording import Recording
 from frischid.model.headline import Headline, headline
 from frischid.model.model import Model
-from frischid.model.model_argument import check_model
 from frischid.model.standstill_joints import standstill_note
 
 
@@ -132,10 +139,7 @@ def diagnose(
     >>> found.headline.nrmse == fr.compare(model, logs[1:]).nrmse
     True
     """
-    check_model(model)
-    logs, valid = as_logs(logs, model.robot.joints, mapping), as_logs(valid, model.robot.joints, mapping, "valid")
-    if not logs:
-        raise InputError("there is no log to diagnose; give at least one")
+    logs, valid = logs_to_diagnose(model, logs, valid, situation, mapping)
     for name in effects or ():
         if not isinstance(name, str):
             raise InputError(f"effects to try must be names such as 'joint_spring', got {shortened(name)}")
@@ -146,8 +150,6 @@ def diagnose(
             raise UnknownNameError("effect", name, EFFECTS)
     if workers is not None:
         check_kind("workers", workers, Workers, "with frischid.core.parallel.workers(count=2) as workers")
-    check_situation(situation)
-    check_logs(logs, valid)
     model.check([*logs, *valid])
     progress("reading logs")
     touched = contacts_at_rest(model, logs)
@@ -249,3 +251,56 @@ def _diagnosis(results: StageResults, verdicts: tuple[Verdict, Verdict], error_o
         fit=validator,
         limits=results.limits,
     )
+
+
+def stages(
+    validator: CrossValidator,
+    situation: Situation,
+    floor: Floor,
+    effects: Sequence[str] | None,
+    progress: Callable[[str], None],
+) -> StageResults:
+    """Torques at their limit, contacts, findings, and a term outside the catalogue that explains more than one."""
+    contacts = find_contacts(validator, floor.noise)
+    findings, ranking, noise = find_effects(validator, floor, situation, effects, progress)
+    limits = find_limits(validator, ranking.full, noise)
+    if limits:
+        progress("again without torques at their limit")
+        validator = validator.without(beyond_limits(validator, limits))
+        contacts = find_contacts(validator, floor.noise)
+        findings, ranking, noise = find_effects(validator, floor, situation, effects, progress)
+    if contacts:
+        rest = validator.without(stretches(contacts))
+        if made_by_something_steady(validator, rest, findings):
+            contacts = []
+        else:
+            progress("again without the contacts")
+            validator = rest
+            findings, ranking, noise = find_effects(rest, floor, situation, effects, progress)
+    least = floor.without_effects(noise)
+    unmodelled = None if contacts else unmodelled_term(ranking, noise, least)
+    return StageResults(
+        validator,
+        situation,
+        noise,
+        least,
+        tuple(burst.contact for burst in contacts),
+        tuple(findings),
+        ranking,
+        unmodelled,
+        floor.said,
+        tuple(limits),
+    )
+
+
+def best_stages(found_by: Sequence[StageResults]) -> StageResults:
+    """Results of the prior whose effects explain most; if several leave noise only, that of the best first finding."""
+    tolerance = found_by[0].validator.criteria.floor_tolerance
+    noise = tolerance * max(float((r.floor / r.validator.spread).mean()) for r in found_by)
+
+    def left(results: StageResults) -> tuple[float, float]:
+        error = float(results.validator.predictive_nrmse().mean())
+        first = next((f.error_after for f in results.findings if f.significant), error)
+        return max(float(results.ranking.full.predictive_nrmse().mean()), noise), first
+
+    return min(found_by, key=left)

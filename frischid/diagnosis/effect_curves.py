@@ -38,27 +38,19 @@ _STRETCH = 12.0  # s: the stretch of time that is drawn then
 
 @dataclass(frozen=True, eq=False)
 class Shape:
-    """Residual of one joint and the part of it that a finding explains, over N samples.
-
-    Attributes
-    ----------
-    effect, joint : str
-    variable : {"q", "v", "a", "load", "t"}
-    x : ndarray, shape (N,)
-        Values of the variable: q, v, a in rad, rad/s, rad/s² (m, ...), load in N·m (N), t in s since the log began.
-    residual, added : ndarray, shape (N,)
-        Measured less predicted torque, and the change of the model's torque, N·m (N).
-    stretch : str
-        Name of the log, when only a stretch of that log is drawn; empty when all samples are drawn.
-    """
+    """Residual of one joint and the part of it that a finding explains, over N samples."""
 
     effect: str
     joint: str
     variable: str
     x: Array
+    """Values of the variable, (N,): q, v, a in rad, rad/s, rad/s² (m, ...), load in N·m (N), t in s since the log
+    began."""
     residual: Array
     added: Array
+    """`residual`, `added`: Measured less predicted torque, and the change of the model's torque, N·m (N), (N,)."""
     stretch: str = ""
+    """Name of the log, when only a stretch of that log is drawn; empty when all samples are drawn."""
 
 
 def shape_of(diagnosis: Diagnosis, finding: Finding, prediction: Prediction) -> Shape | None:
@@ -66,7 +58,6 @@ def shape_of(diagnosis: Diagnosis, finding: Finding, prediction: Prediction) -> 
 
     Parameters
     ----------
-    diagnosis : Diagnosis
     finding : Finding
         One of its findings.
     prediction : Prediction
@@ -123,7 +114,7 @@ def _curve(validator: CrossValidator, row: int, candidate: Candidate, fit: Candi
     parts = [
         (
             data.tau,
-            data.tau - validator.columns.predicted(data, validator.theta),
+            validator.columns.residual(data, validator.theta),
             validator.columns.predicted(data, fit.change, candidate, fit.beta),
         )
         for data in validator.data.motions_of(row)

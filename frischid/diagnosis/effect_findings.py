@@ -5,7 +5,7 @@ finding explains the share
 
     Σ_j (E_j² − E'_j²)  /  Σ_j (E_j² − n_j²)
 
-of the error above the noise, over the joints j on which the effect acts (`explained_error`). A refit of all parameters
+of the error above the noise, over the joints j on which the effect acts. A refit of all parameters
 is a finding too: it says that the identified parameters no longer hold.
 """
 
@@ -21,9 +21,9 @@ from scipy import special
 from frischid.core.text import about, listed
 from frischid.core.types import Array
 from frischid.diagnosis.change_prior import weak_urdf_prior
+from frischid.diagnosis.criteria import DiagnosisCriteria
 from frischid.diagnosis.cross_validation import CrossValidator
 from frischid.diagnosis.effect_ranking import Ranking, ScoredEffect, ranking
-from frischid.diagnosis.explained_error import explained_share, in_floors, negligible
 from frischid.diagnosis.findings import OLD_PARAMETERS, Finding, shape_of
 from frischid.diagnosis.floor import Floor
 from frischid.diagnosis.healthy_twin import HealthyTwin
@@ -42,8 +42,6 @@ def find_effects(
 
     Parameters
     ----------
-    validator : CrossValidator
-    floor : Floor
     situation : {"always", "changed"}
         Effects that can only come later (a payload) are tried only where the robot changed.
     only : sequence of str, optional
@@ -160,3 +158,25 @@ def refit_finding(validator: CrossValidator, floor: Array) -> Finding:
         criteria=criteria,
         negligible=negligible(errors[0], noise, criteria),
     )
+
+
+def explained_share(before: Array, after: Array, noise: Array, criteria: DiagnosisCriteria) -> float:
+    """Explained share of the squared error above the noise; zero where that error is negligible."""
+    if negligible(before, noise, criteria):
+        return 0.0
+    return float(np.clip((before**2 - after**2).sum() / _above(before, noise), 0.0, 1.0))
+
+
+def negligible(error: Array, noise: Array, criteria: DiagnosisCriteria) -> bool:
+    """Whether the error above the noise is too small to be worth a parameter."""
+    return _above(error, noise) <= criteria.smallest_error**2
+
+
+def in_floors(error: Array, noise: Array) -> float:
+    """The error in multiples of the noise."""
+    return float(np.linalg.norm(error)) / max(float(np.linalg.norm(noise)), 1e-12)
+
+
+def _above(error: Array, noise: Array) -> float:
+    """Summed squared error above the noise."""
+    return float((error**2 - np.minimum(noise, error) ** 2).sum())

@@ -40,41 +40,27 @@ _Scored = TypeVar("_Scored", "ScoredEffect", ScoredCandidate)
 
 @dataclass(frozen=True, eq=False)
 class ScoredEffect:
-    """An effect at all its places.
-
-    Attributes
-    ----------
-    places : tuple of ScoredCandidate
-        Best first, each scored alone.
-    together : Candidate
-        All places at once.
-    score : Score
-        Of all places at once.
-    gain : float
-        Rise of the log likelihood less the price, with this effect alone.
-    explained : float
-        Fall of the summed squared NRMSE, with this effect alone.
-    own : OwnPart
-        Error that only this effect explains; zero unless it entered.
-    p_value : float
-    entered : bool
-        Whether it is one of the effects that explain the data together.
-    rivals : tuple of str
-        Effects that explain these data nearly as well.
-    elsewhere : tuple of str
-        Joints on each of which the same effect instead explains these data nearly as well.
-    """
+    """An effect at all its places."""
 
     places: tuple[ScoredCandidate, ...]
+    """Best first, each scored alone."""
     together: Candidate
+    """All places at once."""
     score: Score
+    """Of all places at once."""
     gain: float
+    """Rise of the log likelihood less the price, with this effect alone."""
     explained: float
+    """Fall of the summed squared NRMSE, with this effect alone."""
     own: OwnPart
+    """Error that only this effect explains; zero unless it entered."""
     p_value: float
     entered: bool
+    """Whether it is one of the effects that explain the data together."""
     rivals: tuple[str, ...] = ()
+    """Effects that explain these data nearly as well."""
     elsewhere: tuple[str, ...] = ()
+    """Joints on each of which the same effect instead explains these data nearly as well."""
 
     @property
     def kind(self) -> type[Effect]:
@@ -89,25 +75,17 @@ class ScoredEffect:
 
 @dataclass(frozen=True, eq=False)
 class Ranking:
-    """Every effect that can act on this robot, scored.
-
-    Attributes
-    ----------
-    effects : list of ScoredEffect
-        In order.
-    full, without_first : CrossValidator
-        Of the model with all effects that entered, and with all of these but the first.
-    entered : tuple of Effect
-        The effects that entered, place by place, in their order.
-    smoothing : tuple of ScoredCandidate
-        Shifts in time that are no delays (`symmetric_shifts`); they are not among the effects.
-    """
+    """Every effect that can act on this robot, scored."""
 
     effects: list[ScoredEffect]
+    """In order."""
     full: CrossValidator
     without_first: CrossValidator
+    """`full`, `without_first`: Of the model with all effects that entered, and with all of these but the first."""
     entered: tuple[Effect, ...] = ()
+    """The effects that entered, place by place, in their order."""
     smoothing: tuple[ScoredCandidate, ...] = ()
+    """Shifts in time that are no delays (`symmetric_shifts`); they are not among the effects."""
 
 
 def ranking(

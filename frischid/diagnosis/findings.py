@@ -1,7 +1,7 @@
 """Findings: scored effects with the error they explain, the effects they are confused with, and a sentence.
 
 An effect is *called missing* when three conditions hold: its gain is more than chance, the error it explains is not
-negligible, and it explains enough of the error above the sensor noise on its joints (`explained_error`).
+negligible, and it explains enough of the error above the sensor noise on its joints (`effect_findings`).
 
 Where the error is well above the noise, any share is enough. Near the noise, the share must reach one half. Where all
 of the error lies at reversals and standstill, dry friction is undetermined: the share must reach four fifths, and the

@@ -35,24 +35,16 @@ from frischid.model.noise_floor import NoiseFloor, Octaves
 
 @dataclass(frozen=True, eq=False)
 class Floor:
-    """The noise floor, before and after the effects are known.
-
-    Attributes
-    ----------
-    noise : ndarray, shape (J,)
-        Noise of the sensors, and of the drives without its slow part, N·m (N).
-    fit : CrossValidator
-        The fit whose floor this is.
-    octaves : sequence of Octaves
-        Noise of the torques above the filter's band; none where repeated motions measure the noise.
-    said : str
-        A sentence on repeated motions, empty without any.
-    """
+    """The noise floor, before and after the effects are known."""
 
     noise: Array
+    """Noise of the sensors, and of the drives without its slow part, N·m (N), (J,)."""
     fit: CrossValidator
+    """The fit whose floor this is."""
     octaves: Sequence[Octaves] = ()
+    """Noise of the torques above the filter's band; none where repeated motions measure the noise."""
     said: str = ""
+    """A sentence on repeated motions, empty without any."""
 
     @classmethod
     def of(cls, validator: CrossValidator) -> Floor:

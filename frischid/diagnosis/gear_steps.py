@@ -77,10 +77,10 @@ def _error(found: ScoredCandidate, row: int) -> float:
 
 def _order(validator: CrossValidator, together: Candidate, most: int) -> list[int]:
     """Columns in the order in which each explains most beside those before it."""
-    system = validator.fit.eliminated(*validator.columns.moments(together), together, None)
-    if system is None:
+    equations = validator.fit.eliminated(together)
+    if equations is None:
         return []
-    S, g = system.matrix.copy(), system.right.copy()
+    S, g = equations
     chosen: list[int] = []
     while len(chosen) < most:
         left: Array = np.diag(S)

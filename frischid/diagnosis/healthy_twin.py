@@ -53,15 +53,10 @@ TWIN_STEPS = 4  # steps from the model to the twin, at most
 
 @dataclass(frozen=True, eq=False)
 class HealthyTwin:
-    """The healthy twin of a model on some logs.
-
-    Attributes
-    ----------
-    fit : CrossValidator
-        Fit of the model to the logs, without any candidate.
-    """
+    """The healthy twin of a model on some logs."""
 
     fit: CrossValidator
+    """Fit of the model to the logs, without any candidate."""
 
     @cached_property
     def draws(self) -> list[CrossValidator]:
@@ -170,21 +165,15 @@ def error_of(validator: CrossValidator) -> Array:
 
 @dataclass(frozen=True, eq=False)
 class _Twin:
-    """The twin on one motion: its path and torque, and the noise of the sensors that record it.
-
-    Attributes
-    ----------
-    path : Motion
-        The path, with the torque of the twin.
-    noise : SensorNoise or None
-        Noise of the path; None where the motion is a set of poses, which are averages.
-    level : ndarray, shape (J,)
-        Standard deviation of the torque's noise, N·m (N), as in the noise floor; zero where no torque is fitted.
-    """
+    """The twin on one motion: its path and torque, and the noise of the sensors that record it."""
 
     path: Motion
+    """The path, with the torque of the twin."""
     noise: SensorNoise | None
+    """Noise of the path; None where the motion is a set of poses, which are averages."""
     level: Array
+    """Standard deviation of the torque's noise, N·m (N), as in the noise floor, (J,); zero where no torque is fitted.
+    """
 
     @classmethod
     def of(cls, model: Model, regressor: Regressor, motion: Motion, lowpass: LowPass) -> _Twin:

@@ -34,18 +34,12 @@ _OF_KIND = ("searched", "refit")  # numbers of a kind of effect, which the logs 
 
 @dataclass(frozen=True)
 class Evidence:
-    """Evidence of every hypothesis.
-
-    Attributes
-    ----------
-    names : tuple of str
-        The effect of each finding that may be the cause, then `OTHERS`.
-    values : tuple of mapping of str to float
-        Numbers of each hypothesis; a number that is absent is zero.
-    """
+    """Evidence of every hypothesis."""
 
     names: tuple[str, ...]
+    """The effect of each finding that may be the cause, then `OTHERS`."""
     values: tuple[Mapping[str, float], ...]
+    """Numbers of each hypothesis; a number that is absent is zero."""
 
     def to_dict(self) -> list[dict[str, Any]]:
         """Plain JSON values, hypothesis by hypothesis."""

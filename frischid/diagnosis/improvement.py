@@ -20,24 +20,22 @@ from dataclasses import replace
 
 from frischid.core.arguments import check_number
 from frischid.core.threads import on_one_thread
-from frischid.diagnosis.addition import fitted_step, tested
+from frischid.diagnosis.addition import Trial, tested, trial
 from frischid.diagnosis.criteria import DIAGNOSIS_CRITERIA, DiagnosisCriteria
 from frischid.diagnosis.diagnosis import diagnose
 from frischid.diagnosis.findings import Finding, with_members
 from frischid.diagnosis.result import Diagnosis
 from frischid.diagnosis.roles import always_missing, decided_situation, logs_before_change
-from frischid.diagnosis.situation import SituationOption, check_situation
+from frischid.diagnosis.situation import SituationOption, logs_to_diagnose
 from frischid.diagnosis.step import Refusal, Step
 from frischid.diagnosis.step_acceptance import RISES_AT_STANDSTILL, harmless, reason_against, reason_against_refit
 from frischid.effects import EFFECTS, Effect
-from frischid.errors import InputError
-from frischid.logs.given import Logs, as_logs
+from frischid.logs.given import Logs
 from frischid.logs.log import Log
 from frischid.logs.mapping import MappingLike
-from frischid.logs.recording import Recording, check_logs
+from frischid.logs.recording import Recording
 from frischid.model.headline import headline
 from frischid.model.model import Model
-from frischid.model.model_argument import check_model
 
 
 @on_one_thread
@@ -114,16 +112,11 @@ def improve(
     >>> len(steps), last.verdict
     (0, 'none')
     """
-    check_model(model)
-    logs, valid = as_logs(logs, model.robot.joints, mapping), as_logs(valid, model.robot.joints, mapping, "valid")
+    logs, valid = logs_to_diagnose(model, logs, valid, situation, mapping)
     check_number("max_steps", max_steps)
+    model.check([*logs, *valid])
     steps: list[Step] = []
     refused: dict[str, Refusal] = {}
-    if not logs:
-        raise InputError("there is no log to diagnose; give at least one")
-    check_situation(situation)
-    check_logs(logs, valid)
-    model.check([*logs, *valid])
     progress("reading logs")
     situation, found, *_ = decided_situation(model, logs, situation, criteria, valid=valid)
     if situation == "changed" and found is not None and max_steps:
@@ -181,7 +174,6 @@ def next_step(
 
     Parameters
     ----------
-    model : Model
     diagnosis : Diagnosis
         Of this model on these logs.
     logs : sequence of Log or Recording
@@ -197,50 +189,50 @@ def next_step(
     for finding in diagnosis.findings:
         if not (finding.pays and finding.members) or finding.effect in refused:
             continue
-        step, reason = _step_with(model, diagnosis, finding, finding.members, logs)
-        if step is None and reason == RISES_AT_STANDSTILL:
-            step = _harmless_shape(model, diagnosis, finding, logs)
-        if step is None and len(finding.members) > 1:
-            step = _harmless_part(model, diagnosis, finding, logs)
-        if step is not None:
-            return step
+        tried, reason = _accepted(model, diagnosis, finding, finding.members, logs)
+        if tried is None and reason == RISES_AT_STANDSTILL:
+            tried = _harmless_shape(model, diagnosis, finding, logs)
+        if tried is None and len(finding.members) > 1:
+            tried = _harmless_part(model, diagnosis, finding, logs)
+        if tried is not None:
+            return tried.step()
         refused[finding.effect] = Refusal(finding, reason)
     return None
 
 
-def _step_with(
+def _accepted(
     model: Model, diagnosis: Diagnosis, finding: Finding, members: tuple[Effect, ...], logs: Sequence[Log | Recording]
-) -> tuple[Step | None, str]:
-    """The step of a finding with these effects; None where it may not stay, and why."""
+) -> tuple[Trial | None, str]:
+    """The trial of a finding with these effects; None where it may not stay, and why."""
     reason = reason_against(diagnosis.validator, members)
     if reason:
         return None, reason
-    step = fitted_step(model, members, logs, diagnosis.situation, finding, diagnosis.criteria)
-    reason = "the error of the model does not fall after the refit" if step.error_after >= step.error_before else ""
-    reason = reason or reason_against_refit(model, step.model, members, logs, diagnosis.criteria)
-    return (None, reason) if reason else (step, "")
+    tried = trial(model, members, logs, diagnosis.situation, finding, diagnosis.criteria)
+    reason = "the error of the model does not fall after the refit" if tried.error_after >= tried.error_before else ""
+    reason = reason or reason_against_refit(model, tried.refit.model, members, logs, diagnosis.criteria)
+    return (None, reason) if reason else (tried, "")
 
 
 def _harmless_part(
     model: Model, diagnosis: Diagnosis, finding: Finding, logs: Sequence[Log | Recording]
-) -> Step | None:
-    """The step of an effect without its places on the joints that it would make worse; None where that is no step."""
+) -> Trial | None:
+    """The trial of an effect without its places on the joints that it would make worse; None where that is no step."""
     before = finding.members
     while 0 < len(left := harmless(diagnosis.validator, before)) < len(before):
-        step, _ = _step_with(model, diagnosis, with_members(finding, left, model.robot), left, logs)
-        if step is not None:
-            return step
+        tried, _ = _accepted(model, diagnosis, with_members(finding, left, model.robot), left, logs)
+        if tried is not None:
+            return tried
         before = left
     return None
 
 
 def _harmless_shape(
     model: Model, diagnosis: Diagnosis, finding: Finding, logs: Sequence[Log | Recording]
-) -> Step | None:
-    """The best step of the shapes on the effect's grid that do no harm at standstill.
+) -> Trial | None:
+    """The best trial of the shapes on the effect's grid that do no harm at standstill.
 
     Samples in motion hardly decide some shapes, the distance of a hysteresis for one; samples at standstill may.
     """
     grids = [[x for x in effect.variants(effect.joints) if x.searched] for effect in finding.members if effect.searched]
-    tried = (_step_with(model, diagnosis, finding, members, logs)[0] for members in zip(*grids, strict=False))
-    return min((step for step in tried if step is not None), key=lambda step: step.error_after or 0.0, default=None)
+    tried = (_accepted(model, diagnosis, finding, members, logs)[0] for members in zip(*grids, strict=False))
+    return min((x for x in tried if x is not None), key=lambda x: x.error_after, default=None)

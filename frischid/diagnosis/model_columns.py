@@ -24,20 +24,13 @@ from frischid.diagnosis.dataset import Moments, RegressionData
 
 @dataclass(frozen=True, eq=False)
 class ModelColumns:
-    """Columns of a model with some candidates added, p columns in all.
-
-    Attributes
-    ----------
-    data : RegressionData
-    gram : ndarray, shape (folds, J, p + 1, p + 1)
-        Moments of all columns and the torque.
-    added : tuple of Candidate
-        Candidates that were added, in order.
-    """
+    """Columns of a model with some candidates added, p columns in all."""
 
     data: RegressionData
     gram: Array
+    """Moments of all columns and the torque, (folds, J, p + 1, p + 1)."""
     added: tuple[Candidate, ...] = ()
+    """Candidates that were added, in order."""
 
     @classmethod
     def of(cls, data: RegressionData, added: tuple[Candidate, ...] = ()) -> ModelColumns:
@@ -103,7 +96,6 @@ class ModelColumns:
 
         Parameters
         ----------
-        data : JointData
         theta : ndarray, shape (p,) or (folds, p)
             Parameters; where there are several sets, each row takes that of its own fold.
         candidate : Candidate, optional
@@ -117,7 +109,10 @@ class ModelColumns:
             added.append((candidate, beta))
         return self.data.predicted(data, theta[..., : ends[0]], added)
 
+    def residual(self, data: JointData, theta: Array) -> Array:
+        """Residual of a joint's rows over one motion under some parameters, (n,)."""
+        return np.asarray(data.tau - self.predicted(data, theta))
+
     def residuals(self, row: int, theta: Array) -> Iterator[Array]:
-        """Residual of a joint's rows under some parameters, motion by motion, (n,) each."""
-        for data in self.data.motions_of(row):
-            yield data.tau - self.predicted(data, theta)
+        """The same motion by motion."""
+        return (self.residual(data, theta) for data in self.data.motions_of(row))

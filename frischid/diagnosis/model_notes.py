@@ -65,7 +65,6 @@ def untried(model: Model, effects: Sequence[str], situation: Situation, channels
 
     Parameters
     ----------
-    model : Model
     effects : sequence of str
         Identifiers.
     situation : {"always", "changed"}

@@ -3,11 +3,17 @@
 The logs are read once, motion by motion. For each motion the cache keeps the state, from which effects make their
 columns, and the filtered rows [Y_j τ_j] of each joint j, without the columns that cannot act on the joint. So no stage
 reads a log again, and memory does not grow with the logs (`frischid.core.array_store`).
+
+The columns of a candidate depend on the motion, the filter and the reference parameters, and not on the effects or the
+parameters of the model. After an effect was added, the next diagnosis of the same logs needs the same columns again. So
+columns are shared by their content, as long as any diagnosis of these motions lives.
 """
 
 from __future__ import annotations
 
-from collections.abc import Callable, Hashable, Iterator, Sequence
+import hashlib
+import weakref
+from collections.abc import Callable, Hashable, Iterable, Iterator, Sequence
 from dataclasses import replace
 from functools import cached_property
 from itertools import groupby
@@ -22,7 +28,6 @@ from frischid.diagnosis.cached_motion import CachedMotion, JointData, stored_sta
 from frischid.diagnosis.candidate_columns import Candidate, ColumnTask, GatheredColumns, filtered_columns, sampled
 from frischid.diagnosis.change_prior import load_reference
 from frischid.diagnosis.criteria import DIAGNOSIS_CRITERIA, DiagnosisCriteria
-from frischid.diagnosis.known_columns import KnownColumns, fingerprint, known_columns
 from frischid.effects import Effect, State
 from frischid.estimators.held_out import MOST_OF_A_JOINT
 from frischid.logs.filters import decimating_filter
@@ -42,11 +47,9 @@ class MotionCache:
 
     Parameters
     ----------
-    model : Model
     logs : sequence of Log or Recording
         Each log is one fold, up to ``criteria.max_folds``; each motion of a single log is cut into folds, and so are
         those of logs of which each moves other joints.
-    criteria : DiagnosisCriteria, optional
     workers : Workers, optional
         Processes that compute columns of candidates, this process by default.
     seen : callable, optional
@@ -54,7 +57,6 @@ class MotionCache:
 
     Attributes
     ----------
-    motions : list of CachedMotion
     active : list of ndarray of int
         For each fitted joint, the base parameters whose columns act on it.
     blocks : int
@@ -237,3 +239,35 @@ def _one_joint_a_fold(motions: Sequence[CachedMotion]) -> bool:
 
 def _same(task: ColumnTask) -> ColumnTask:
     return task
+
+
+class KnownColumns:
+    """Candidates by the class and the text of their effect, and the store of their columns."""
+
+    def __init__(self, store: Store) -> None:
+        self.store = store
+        self.candidates: dict[tuple[type[Effect], str], Candidate] = {}
+
+
+_LIVING: weakref.WeakValueDictionary[str, KnownColumns] = weakref.WeakValueDictionary()
+
+
+def known_columns(key: str, store: Store) -> KnownColumns:
+    """Columns of candidates of motions with the same fingerprint; new ones are put into `store`."""
+    return _LIVING.setdefault(key, KnownColumns(store))
+
+
+def fingerprint(parts: Iterable[Hashable | Array | State]) -> str:
+    """Hash of numbers, names, arrays, and all that an effect reads of a state."""
+    digest = hashlib.blake2b()
+    for part in parts:
+        if isinstance(part, State):
+            arrays = (part.t, part.q, part.v, part.a, part.load, part.torque, part.reference, part.dry)
+            inner = fingerprint([*arrays, part.start, *(x for pair in part.extra.items() for x in pair)])
+            digest.update(inner.encode())
+        elif isinstance(part, np.ndarray):
+            digest.update(repr((part.shape, part.dtype.str)).encode())
+            digest.update(np.ascontiguousarray(part).view(np.uint8).data if part.size else b"")
+        else:
+            digest.update(repr(part).encode())
+    return digest.hexdigest()

@@ -24,10 +24,10 @@ from typing import Any
 import numpy as np
 
 from frischid.core.shown import Shown
-from frischid.diagnosis.addition import add
+from frischid.core.threads import on_one_thread
+from frischid.diagnosis.addition import trial
 from frischid.diagnosis.findings import Finding
 from frischid.diagnosis.result import Diagnosis
-from frischid.diagnosis.situation import SituationOption
 from frischid.errors import InputError
 from frischid.forward.commanded_motion import follows_commands
 from frischid.forward.shooting import OutputErrorOptions, Shooting
@@ -134,6 +134,7 @@ class MotionDiagnosis(Shown):
         }
 
 
+@on_one_thread
 def simulate_findings(
     model: Model,
     found: Diagnosis,
@@ -191,7 +192,7 @@ def simulate_findings(
     findings = []
     for finding in [f for f in found.findings if f.members and f.gain > 0]:
         progress(f"simulating {finding.effect}")
-        findings.append(_simulated(finding, (model, logs, found.situation), (shown, options), before))
+        findings.append(_simulated(model, found, finding, logs, (shown, options), before))
     closed = all(follows_commands(model.controller, log, model.robot.joints) for log in shown)
     return MotionDiagnosis(found, before, tuple(findings), horizon, closed, bool(valid))
 
@@ -203,8 +204,6 @@ def simulated_error(
 
     Parameters
     ----------
-    model : Model
-    logs : sequence of Log or Recording
     options : OutputErrorOptions, optional
         Length of the stretches, and how many.
 
@@ -217,16 +216,6 @@ def simulated_error(
     ------
     InputError
         The model cannot be simulated, or its simulated motion is unstable.
-
-    Examples
-    --------
-    >>> import frischid as fr
-    >>> from frischid.diagnosis.motion_space import simulated_error
-    >>> robot = fr.Robot.load("planar2")
-    >>> log = fr.simulate(robot, fr.random_fourier(robot, 4.0, seed=1), rate=100.0)
-    >>> error = simulated_error(fr.identify(robot, [log], recursion="none").model, [log])
-    >>> max(error.values()) < 0.01
-    True
     """
     shooting = Shooting(model, logs, options or OutputErrorOptions(horizon=HORIZON))
     error = shooting.errors()
@@ -239,16 +228,17 @@ def simulated_error(
 
 
 def _simulated(
+    model: Model,
+    found: Diagnosis,
     finding: Finding,
-    fitted: tuple[Model, Sequence[Log | Recording], SituationOption],
+    logs: Sequence[Log | Recording],
     shown: tuple[Sequence[Log | Recording], OutputErrorOptions],
     before: dict[str, float],
 ) -> SimulatedFinding:
-    """A finding, added to the model and simulated."""
-    model, logs, situation = fitted
+    """A finding of a diagnosis, added to the model and simulated."""
     try:
-        step = add(model, finding.members, logs, situation=situation, finding=finding)
-        after = simulated_error(step.model, *shown)
+        added = trial(model, finding.members, logs, found.situation, finding, found.criteria).refit.model
+        after = simulated_error(added, *shown)
     except InputError as error:
         return SimulatedFinding(finding, {}, 0.0, str(error))
     least = np.finfo(float).tiny

@@ -49,12 +49,7 @@ Case = tuple[Sequence[Mapping[str, Any]], Sequence[str]]
 
 @dataclass(frozen=True)
 class Weights:
-    """Weight of each number of evidence.
-
-    Attributes
-    ----------
-    values : mapping of str to float
-    """
+    """Weight of each number of evidence."""
 
     values: Mapping[str, float]
 
@@ -76,7 +71,6 @@ def chances(evidence: Sequence[Mapping[str, Any]], weights: Weights) -> Array:
     ----------
     evidence : sequence of mapping
         Numbers of each hypothesis by name; a name without weight counts nothing.
-    weights : Weights
     """
     scores = np.array(
         [sum(weights.values.get(k, 0.0) * float(x) for k, x in e.items() if k != _NAME) for e in evidence]
@@ -103,21 +97,14 @@ def _softmax(scores: Array) -> Array:
 
 @dataclass(frozen=True, eq=False)
 class _Cases:
-    """Hypotheses of all cases in one matrix.
-
-    Attributes
-    ----------
-    x : ndarray, shape (H, n)
-        Evidence.
-    right : ndarray, shape (H,)
-        Whether a hypothesis is right.
-    sizes : ndarray, shape (C,)
-        Number of hypotheses of each case, one case after another.
-    """
+    """Hypotheses of all cases in one matrix."""
 
     x: Array
+    """Evidence, (H, n)."""
     right: NDArray[np.bool_]
+    """Whether a hypothesis is right, (H,)."""
     sizes: NDArray[np.intp]
+    """Number of hypotheses of each case, one case after another, (C,)."""
 
     @classmethod
     def of(cls, cases: Sequence[Case], names: Sequence[str]) -> _Cases:

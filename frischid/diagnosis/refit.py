@@ -11,8 +11,8 @@ Source: Theil and Goldberger 1961, International Economic Review 2(1), on a prio
 
 from __future__ import annotations
 
-from collections.abc import Sequence
-from dataclasses import replace
+from collections.abc import Callable, Sequence
+from dataclasses import dataclass, replace
 
 import numpy as np
 
@@ -27,7 +27,7 @@ from frischid.logs.recording import Recording
 from frischid.model.comparison import compare
 from frischid.model.events import cross_validated_nrmse, measured_within
 from frischid.model.headline import cross_validated, from_fit
-from frischid.model.identification import identify_again
+from frischid.model.identification import assess, cross_validated_error, identify_again
 from frischid.model.identification_stages import read_logs
 from frischid.model.identify_options import IdentifyOptions
 from frischid.model.log_data import Journal
@@ -37,12 +37,7 @@ from frischid.regression.structure import structure
 
 
 def check_formulas(model: Model, effects: Sequence[Effect]) -> None:
-    """Refuse formulas that can change nothing: zero, or a combination of columns that the model has.
-
-    Raises
-    ------
-    InputError
-    """
+    """Refuse (InputError) formulas that can change nothing: zero, or a combination of columns that the model has."""
     formulas = tuple(effect for effect in effects if isinstance(effect, Formula))
     if not formulas:
         return
@@ -72,35 +67,45 @@ def known_error(model: Model, logs: Sequence[Log | Recording]) -> float | None:
     return cross_validated_nrmse([last]) if same and always and model.estimate.estimator in {"wls", "map"} else None
 
 
+@dataclass(frozen=True, eq=False)
+class Refit:
+    """A model fitted again. Most refits are refused, so its alarms and its history wait until they are asked for."""
+
+    model: Model
+    """Without a history."""
+    error: float
+    """Cross-validated NRMSE on the logs of the fit."""
+    complete: Callable[[], Model]
+    """The model with a history of one event, which states this error."""
+
+
 def refitted(
     model: Model,
     effects: tuple[Effect, ...],
     logs: Sequence[Log | Recording],
     situation: Situation,
     criteria: DiagnosisCriteria,
-) -> Model:
+) -> Refit:
     """Fit a model again with other effects.
 
     Parameters
     ----------
-    model : Model
     effects : tuple of Effect
         The model's own, followed by the added ones.
     logs : sequence of Log or Recording
         Data to fit.
     situation : {"always", "changed"}
         ``"changed"``: the model's own parameters are a prior.
-    criteria : DiagnosisCriteria
-
-    Returns
-    -------
-    Model
-        Its history is one event, with the cross-validated error on these logs.
     """
     if situation == "changed":
-        return _changed(model, effects, logs, criteria)
+        changed = _changed(model, effects, logs, criteria)
+        return Refit(changed, fitted_error(changed), lambda: changed)
     again = identify_again(model.robot, logs, effects, _options(model, criteria))
-    return replace(again, lowpass=model.lowpass)
+    return Refit(
+        replace(again.model, lowpass=model.lowpass),
+        cross_validated_error(again),
+        lambda: replace(assess(again).model, lowpass=model.lowpass),
+    )
 
 
 def examine(model: Model, logs: Sequence[Log | Recording], criteria: DiagnosisCriteria = DIAGNOSIS_CRITERIA) -> None:

@@ -35,10 +35,6 @@ class MeasuredNoise(NamedTuple):
 def measured_noise(validator: CrossValidator) -> MeasuredNoise | None:
     """Measure the noise where a motion comes again.
 
-    Parameters
-    ----------
-    validator : CrossValidator
-
     Returns
     -------
     MeasuredNoise or None
@@ -85,4 +81,4 @@ def _differences(validator: CrossValidator, row: int, pair: tuple[int, int], fou
 def _residual(validator: CrossValidator, row: int, number: int) -> tuple[Array, Array]:
     """Times and residuals of a joint over one motion, (n,) each."""
     data = validator.data.of_motion(row, number)
-    return data.motion.t.read()[data.picked], data.tau - validator.columns.predicted(data, validator.theta)
+    return data.motion.t.read()[data.picked], validator.columns.residual(data, validator.theta)

@@ -36,27 +36,18 @@ SAID_VARIABLES = 4  # in a sentence; all of them are in `Description.depends_on`
 
 @dataclass(frozen=True)
 class Description:
-    """Description of the residual of one joint.
-
-    Attributes
-    ----------
-    joint : str
-    depends_on : dict of str to float
-        Variable (``q2``, ``v1``, ...; t: time in the log) -> p value of independence, corrected for the number of
-        variables tested. Only variables that pass, the smallest p value first.
-    formula : tuple of str
-        Expressions, in the language of the effect ``formula``, that describe the residual.
-    removed : float
-        Share of the joint's squared held-out error that the formula explains.
-    joints : dict of str to str
-        Number in the names of variables -> joint.
-    """
+    """Description of the residual of one joint."""
 
     joint: str
     depends_on: Mapping[str, float]
+    """Variable (``q2``, ``v1``, ...; t: time in the log) -> p value of independence, corrected for the number of
+    variables tested. Only variables that pass, the smallest p value first."""
     formula: tuple[str, ...]
+    """Expressions, in the language of the effect ``formula``, that describe the residual."""
     removed: float
+    """Share of the joint's squared held-out error that the formula explains."""
     joints: dict[str, str]
+    """Number in the names of variables -> joint."""
 
     def __str__(self) -> str:
         if not (self.depends_on or self.formula):

@@ -44,7 +44,6 @@ def only_at_reversals(validator: CrossValidator, floor: Array, theta: Array | No
 
     Parameters
     ----------
-    validator : CrossValidator
     floor : ndarray, shape (J,)
         Sensor noise of each joint, N·m (N).
     theta : ndarray, shape (P,), optional
@@ -60,7 +59,7 @@ def only_at_reversals(validator: CrossValidator, floor: Array, theta: Array | No
         for row, noise in enumerate(floor):
             data = validator.data.of_motion(row, number)
             speed = np.abs(relative[data.picked, row])
-            above = (data.tau - validator.columns.predicted(data, theta)) ** 2 - noise**2
+            above = validator.columns.residual(data, theta) ** 2 - noise**2
             energy[row] += above.sum()
             moving[row] += above @ speed
             slow[row] += (speed < slow_speed).sum()

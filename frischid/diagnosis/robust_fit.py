@@ -30,21 +30,15 @@ _ROUNDING_SHARE = 1e-10  # share of each diagonal element that is added, against
 
 @dataclass(frozen=True, eq=False)
 class _Rows:
-    """Every n-th row of a joint over one motion, in units of the joint's noise.
-
-    Attributes
-    ----------
-    active : ndarray of int, shape (k,)
-        Columns that act on the joint.
-    Y, tau : ndarray, shape (n, k) and (n,)
-    width : int
-        Rows in 0.25 s.
-    """
+    """Every n-th row of a joint over one motion, in units of the joint's noise."""
 
     active: NDArray[np.intp]
+    """Columns that act on the joint, (k,)."""
     Y: Array
     tau: Array
+    """`Y`, `tau`: Shape (n, k) and (n,)."""
     width: int
+    """Rows in 0.25 s."""
 
     def energy(self, theta: Array) -> Array:
         """Mean of the squared residual over 0.25 s around each row, (n,)."""

@@ -34,21 +34,19 @@ from frischid.diagnosis.result import Diagnosis
 from frischid.diagnosis.situation import (
     Situation,
     SituationOption,
-    check_situation,
     cross_validator,
+    logs_to_diagnose,
     of_the_training_logs,
 )
-from frischid.errors import InputError
 from frischid.logs.excerpt import as_recording, excerpt
-from frischid.logs.given import Logs, as_logs
+from frischid.logs.given import Logs
 from frischid.logs.log import Log
 from frischid.logs.mapping import MappingLike
 from frischid.logs.poses import in_motion
-from frischid.logs.recording import Recording, check_logs
+from frischid.logs.recording import Recording
 from frischid.model.comparison import compare
 from frischid.model.headline import headline
 from frischid.model.model import Model
-from frischid.model.model_argument import check_model
 from frischid.model.own_logs import own_logs
 
 _TOUCHED = (
@@ -58,49 +56,31 @@ _TOUCHED = (
 
 
 class Roles(NamedTuple):
-    """Logs by their role in a diagnosis.
-
-    Attributes
-    ----------
-    select, test : tuple of Log or Recording
-    situation : {"auto", "always", "changed"}
-    note : str
-        Where the logs that select come from, if somebody might expect others; otherwise empty.
-    found : Diagnosis or None
-        The diagnosis in these roles, where the roles could not be told without it.
-    before : Model or None
-        The model with the effects that its own logs show, where the robot changed after those logs.
-    always : tuple of Finding
-        The findings with these effects.
-    """
+    """Logs by their role in a diagnosis."""
 
     select: tuple[Log | Recording, ...]
     test: tuple[Log | Recording, ...]
     situation: SituationOption
     note: str
+    """Where the logs that select come from, if somebody might expect others; otherwise empty."""
     found: Diagnosis | None = None
+    """The diagnosis in these roles, where the roles could not be told without it."""
     before: Model | None = None
+    """The model with the effects that its own logs show, where the robot changed after those logs."""
     always: tuple[Finding, ...] = ()
+    """The findings with these effects."""
 
 
 class Decided(NamedTuple):
-    """The situation of some logs.
-
-    Attributes
-    ----------
-    situation : {"always", "changed"}
-    found : Diagnosis or None
-        On the model's own logs, with the others as test; None where no own log was found or needed.
-    before : Model
-        The model with the effects that its own logs show; the model itself where they show none.
-    touched : bool
-        Whether the logs of a robot that has not changed show bursts, as of a touch, which the own logs do not have.
-    """
+    """The situation of some logs."""
 
     situation: Situation
     found: Diagnosis | None
+    """On the model's own logs, with the others as test; None where no own log was found or needed."""
     before: Model
+    """The model with the effects that its own logs show; the model itself where they show none."""
     touched: bool = False
+    """Whether the logs of a robot that has not changed show bursts, as of a touch, which the own logs do not have."""
 
 
 def decided_situation(
@@ -119,11 +99,8 @@ def decided_situation(
 
     Parameters
     ----------
-    model : Model
-    logs : sequence of Log or Recording
     situation : {"auto", "always", "changed"}
         What the caller knows.
-    criteria : DiagnosisCriteria, optional
     valid : sequence of Log or Recording
         Logs that test only: an own log among them decides nothing.
     """
@@ -134,7 +111,7 @@ def decided_situation(
         found = diagnose(model, own, valid=logs, situation="always", criteria=criteria)
     effects = () if found is None else tuple(e for f in always_missing(found) for e in f.members)
     if effects:
-        before = refitted(model, (*model.effects, *effects), own, "always", criteria)
+        before = refitted(model, (*model.effects, *effects), own, "always", criteria).complete()
     if situation == "changed":
         return Decided("changed", found, before)
     validator, seen = cross_validator(model, [excerpt(log).log for log in logs], criteria=criteria)
@@ -179,23 +156,15 @@ def roles(
     *,
     valid: Sequence[Log | Recording] = (),
     situation: SituationOption = "auto",
-    criteria: DiagnosisCriteria = DIAGNOSIS_CRITERIA,
 ) -> Roles:
     """Give each log its role.
 
     Parameters
     ----------
-    model : Model
-    logs : sequence of Log or Recording
     valid : sequence of Log or Recording
         Logs that test in any case.
     situation : {"auto", "always", "changed"}
         A robot that changed is diagnosed on the logs given.
-    criteria : DiagnosisCriteria, optional
-
-    Returns
-    -------
-    Roles
     """
     model.check([*logs, *valid])
     if logs and not in_motion(logs, model.robot.joints):
@@ -203,9 +172,9 @@ def roles(
     own = tuple(log for log in logs if model.made_from(log))
     diagnosis = None
     if situation == "changed" or (situation == "auto" and not own):
-        situation, diagnosis, before, touched = decided_situation(model, logs, situation, criteria, valid=valid)
+        situation, diagnosis, before, touched = decided_situation(model, logs, situation, valid=valid)
         if touched:
-            here = diagnose(model, logs, valid=valid, situation="always", criteria=criteria)
+            here = diagnose(model, logs, valid=valid, situation="always")
             if here.verdict == "contact":
                 return Roles(tuple(logs), tuple(valid), situation, _TOUCHED, here)
     if situation == "changed":
@@ -316,12 +285,7 @@ def diagnose_in_roles(
     >>> found.verdict, found.headline.measured
     ('none', 'test')
     """
-    check_model(model)
-    logs, valid = as_logs(logs, model.robot.joints, mapping), as_logs(valid, model.robot.joints, mapping, "valid")
-    if not logs:
-        raise InputError("there is no log to diagnose; give at least one")
-    check_situation(situation)
-    check_logs(logs, valid)
+    logs, valid = logs_to_diagnose(model, logs, valid, situation, mapping)
     given = roles(model, logs, valid=valid, situation=situation)
     return diagnose_with(model, given, effects=effects, workers=workers, progress=progress)
 

@@ -44,25 +44,16 @@ class Watcher(Protocol):
 
 @dataclass(frozen=True, eq=False)
 class ScoredCandidate:
-    """One effect in one place, in the shape that fits best.
-
-    Attributes
-    ----------
-    candidate : Candidate
-    score : Score
-    ratio : float
-        Log likelihood ratio Λ of the folds left out.
-    price : float
-        ½ k log n.
-    explained : float
-        Fall of the sum of the joints' squared held-out NRMSE, without the part that uncertain parameters alone cause.
-    """
+    """One effect in one place, in the shape that fits best."""
 
     candidate: Candidate
     score: Score
     ratio: float
+    """Log likelihood ratio Λ of the folds left out."""
     price: float
+    """½ k log n."""
     explained: float
+    """Fall of the sum of the joints' squared held-out NRMSE, without the part that uncertain parameters alone cause."""
 
     @property
     def together(self) -> Candidate:
@@ -138,8 +129,6 @@ def passes(validator: CrossValidator, found: ScoredCandidate, tried: int) -> boo
 
     Parameters
     ----------
-    validator : CrossValidator
-    found : ScoredCandidate
     tried : int
         Candidates that were tried in all.
     """
@@ -165,7 +154,6 @@ def usable_candidates(
 
     Parameters
     ----------
-    validator : CrossValidator
     places : sequence of sequence of Effect
         Shapes of one effect in one place each.
     progress : callable, optional

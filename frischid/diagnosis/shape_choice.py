@@ -9,7 +9,6 @@ from collections.abc import Sequence
 
 from frischid.core.text import listed
 from frischid.diagnosis.after_change import with_old_parameters
-from frischid.diagnosis.criteria import DIAGNOSIS_CRITERIA, DiagnosisCriteria
 from frischid.diagnosis.scored_candidate import scored, usable_candidates, with_model_width
 from frischid.diagnosis.shape_refinement import refined
 from frischid.diagnosis.situation import Situation, SituationOption, cross_validator
@@ -27,7 +26,6 @@ def searched(
     text: str,
     logs: Sequence[Log | Recording],
     situation: SituationOption,
-    criteria: DiagnosisCriteria = DIAGNOSIS_CRITERIA,
 ) -> tuple[Effect, ...]:
     """Find the best shape, joint by joint, of effects whose shape the user did not state, as `diagnose` finds it.
 
@@ -35,13 +33,9 @@ def searched(
 
     Parameters
     ----------
-    model : Model
-    effects : sequence of Effect
     text : str
         The effects as the user wrote them, in the same order; one written with parentheses keeps its shape.
-    logs : sequence of Log or Recording
     situation : {"auto", "always", "changed"}
-    criteria : DiagnosisCriteria, optional
 
     Raises
     ------
@@ -59,7 +53,7 @@ def searched(
         if alone and not effect.shapes and all(len(shapes) == 1 for shapes in alternatives):
             chosen.append(with_model_width(effect, model.effects))
             continue
-        validator, _ = cross_validator(model, logs, taken, criteria=criteria)
+        validator, _ = cross_validator(model, logs, taken)
         usable = usable_candidates(validator, alternatives)
         usable = usable if alone else with_old_parameters(validator, usable)
         best = [found for shapes in usable if shapes and (found := scored(validator, shapes)) is not None]

@@ -33,7 +33,6 @@ def screened(
 
     Parameters
     ----------
-    data : RegressionData
     places : sequence of sequence of Effect
         Shapes of one effect in one place each.
     residual : callable

@@ -34,7 +34,8 @@ whose model with all effects predicts better.
 from __future__ import annotations
 
 from collections.abc import Mapping, Sequence
-from typing import Literal, get_args
+from dataclasses import replace
+from typing import Any, Literal, get_args
 
 import numpy as np
 
@@ -42,7 +43,6 @@ from frischid.core.parallel import Workers
 from frischid.core.types import Array
 from frischid.diagnosis.change_prior import (
     evidence_prior,
-    identification_prior,
     prior_before_change,
     weak_urdf_prior,
 )
@@ -51,25 +51,42 @@ from frischid.diagnosis.cross_validation import CrossValidator
 from frischid.diagnosis.floor import Floor, asks_for_explanation
 from frischid.diagnosis.reversal_residuals import only_at_reversals
 from frischid.effects import Effect
-from frischid.errors import UnknownNameError
+from frischid.errors import InputError, UnknownNameError
+from frischid.estimators.least_squares import Prior
+from frischid.logs.given import Logs, as_logs
 from frischid.logs.log import Log
+from frischid.logs.mapping import MappingLike
 from frischid.logs.poses import need_motion
-from frischid.logs.recording import Recording
+from frischid.logs.recording import Recording, check_logs
 from frischid.model.model import Model
+from frischid.model.model_argument import check_model
 
 Situation = Literal["always", "changed"]
 SituationOption = Literal["auto", "always", "changed"]
 
 
 def check_situation(situation: str) -> None:
-    """Refuse a situation that does not exist.
+    """Refuse (UnknownNameError) a situation that does not exist."""
+    if situation not in get_args(SituationOption):
+        raise UnknownNameError("situation", situation, get_args(SituationOption))
+
+
+def logs_to_diagnose(
+    model: Any, logs: Logs, valid: Logs, situation: str, mapping: MappingLike
+) -> tuple[list[Log | Recording], list[Log | Recording]]:
+    """The logs and test logs of a diagnosis as a caller gives them, beside a model and a situation that exist.
 
     Raises
     ------
-    UnknownNameError
+    InputError, UnknownNameError
     """
-    if situation not in get_args(SituationOption):
-        raise UnknownNameError("situation", situation, get_args(SituationOption))
+    check_model(model)
+    logs, valid = as_logs(logs, model.robot.joints, mapping), as_logs(valid, model.robot.joints, mapping, "valid")
+    if not logs:
+        raise InputError("there is no log to diagnose; give at least one")
+    check_situation(situation)
+    check_logs(logs, valid)
+    return logs, valid
 
 
 def cross_validator(
@@ -84,11 +101,8 @@ def cross_validator(
 
     Parameters
     ----------
-    model : Model
-    logs : sequence of Log or Recording
     situation : {"auto", "always", "changed"}
         ``"auto"``: decided from the logs.
-    criteria : DiagnosisCriteria, optional
     workers : Workers, optional
         Processes that compute columns of candidates, this process by default.
 
@@ -111,7 +125,7 @@ def cross_validator(
         validator = _from_before(validator)
     if not own:
         known = criteria.known_residual_factor * validator.model.estimate.sigma / validator.spread
-        validator = validator.with_known_residual(known)
+        validator = replace(validator, known_residual=known)
     return validator, situation
 
 
@@ -170,7 +184,8 @@ def priors_of(validator: CrossValidator, situation: Situation) -> list[CrossVali
     """
     if situation == "changed" or not validator.known_residual.any():
         return [validator]
-    trained = validator.with_prior(identification_prior(validator.model))
+    estimate = validator.model.estimate
+    trained = validator.with_prior(Prior(estimate.theta, estimate.information))
     return (
         [validator, trained] if trained.predictive_nrmse().mean() < validator.predictive_nrmse().mean() else [validator]
     )

@@ -126,7 +126,6 @@ def p_value_of_fall(fall: Array, energy: Array, criteria: DiagnosisCriteria) -> 
     ----------
     fall, energy : ndarray, shape (B,)
         Fall in each block, and energy of the effect in it; blocks without rows hold zero.
-    criteria : DiagnosisCriteria
 
     Examples
     --------
@@ -179,7 +178,6 @@ def worse_joints(
         For each joint the rise of its squared error in each block of time; blocks without rows hold zero.
     before, after : ndarray, shape (J,)
         Sums of squared errors.
-    criteria : DiagnosisCriteria
     rejected : ndarray, shape (J,)
         P values of `rejection`.
     """
@@ -215,10 +213,8 @@ def reason_against_refit(
     ----------
     before, after : Model
         Without and with the effects, with the same filter.
-    effects : sequence of Effect
     logs : sequence of Log or Recording
         The logs that select.
-    criteria : DiagnosisCriteria
     """
     impossible = impossible_coefficients(after, effects)
     if impossible:
@@ -238,7 +234,6 @@ def impossible_coefficients(model: Model, effects: Sequence[Effect]) -> list[str
     ----------
     model : Model
         With the effects.
-    effects : sequence of Effect
     """
     names = {column.name for effect in effects for column in effect.columns(model.robot)}
     e = model.estimate
@@ -290,7 +285,6 @@ def worse_with_standstill(
         Without and with the effects, with the same filter.
     logs : sequence of Log or Recording
         The logs that select.
-    criteria : DiagnosisCriteria
     """
     rises: list[Array] = []
     last = None

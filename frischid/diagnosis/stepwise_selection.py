@@ -35,21 +35,14 @@ from frischid.diagnosis.scored_candidate import ScoredCandidate, passes, scored
 
 
 class OwnPart(NamedTuple):
-    """Error that a candidate explains beside the others, in summed squared NRMSE.
-
-    Attributes
-    ----------
-    unique : float
-        Error that only this candidate explains.
-    part : float
-        Its Shapley value.
-    new : float
-        The same of the error beyond the residual that was known before; zero where no residual was known.
-    """
+    """Error that a candidate explains beside the others, in summed squared NRMSE."""
 
     unique: float = 0.0
+    """Error that only this candidate explains."""
     part: float = 0.0
+    """Its Shapley value."""
     new: float = 0.0
+    """The same of the error beyond the residual that was known before; zero where no residual was known."""
 
 
 class Selection(NamedTuple):
@@ -64,7 +57,6 @@ def selected(validator: CrossValidator, pool: Sequence[ScoredCandidate], tried: 
 
     Parameters
     ----------
-    validator : CrossValidator
     pool : sequence of ScoredCandidate
         Each scored alone.
     tried : int
@@ -103,7 +95,6 @@ def likeliest(validator: CrossValidator, fresh: Sequence[tuple[ScoredCandidate, 
 
     Parameters
     ----------
-    validator : CrossValidator
     fresh : sequence of (ScoredCandidate, ScoredCandidate)
         Each candidate, and the same candidate scored beside those in the model.
     """

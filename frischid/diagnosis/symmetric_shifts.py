@@ -25,13 +25,8 @@ def without_smoothing(
 
     Parameters
     ----------
-    validator : CrossValidator
     pool : sequence of ScoredCandidate
         Each scored alone.
-
-    Returns
-    -------
-    kept, smoothing : list of ScoredCandidate
     """
     smoothing = [c for c in pool if c.gain > 0 and _smooths(validator, c)]
     return [c for c in pool if not any(c is x for x in smoothing)], smoothing

@@ -48,23 +48,15 @@ _STRETCHES_TOLD = 3  # in a sentence
 
 @dataclass(frozen=True)
 class TorqueLimit:
-    """A torque at its limit.
-
-    Attributes
-    ----------
-    joint : str
-    limit : float
-        N·m (N).
-    commanded : bool
-        Whether the log holds the commanded torque, which goes beyond the limit.
-    stretches : tuple of (str, float, float)
-        Log, start and stop, s: where the torque is at its limit.
-    """
+    """A torque at its limit."""
 
     joint: str
     limit: float
+    """N·m (N)."""
     commanded: bool
+    """Whether the log holds the commanded torque, which goes beyond the limit."""
     stretches: tuple[Stretch, ...]
+    """Log, start and stop, s: where the torque is at its limit."""
 
     def __str__(self) -> str:
         c, found = f"{self.limit:.3g} N·m (N)", self.stretches
@@ -171,38 +163,31 @@ def _energy(validator: CrossValidator, row: int, stretch: Stretch, theta: Array)
     for source, data in zip(validator.data.sources, validator.data.motions_of(row), strict=True):
         if source == log:
             t = data.motion.t.read()[data.picked]
-            parts.append((data.tau - validator.columns.predicted(data, theta))[(t >= start) & (t <= stop)])
+            parts.append(validator.columns.residual(data, theta)[(t >= start) & (t <= stop)])
     error = np.concatenate(parts)
     return float(error @ error) / max(len(error), 1)
 
 
 @dataclass(frozen=True, eq=False)
 class _Rows:
-    """Rows of a joint under some parameters.
-
-    Attributes
-    ----------
-    error : ndarray, shape (n,)
-        Measured torque less that of the model, N·m (N).
-    size, side : ndarray, shape (n,)
-        Absolute value and sign of the torque that a limit would clip: that of the model, or the commanded one.
-    commanded : bool
-    times : sequence of (str, ndarray, float)
-        Of each motion: the log, the times of its rows, and the step of the filtered samples, s.
-    """
+    """Rows of a joint under some parameters."""
 
     error: Array
+    """Measured torque less that of the model, N·m (N), (n,)."""
     size: Array
     side: Array
+    """`size`, `side`: Absolute value and sign of the torque that a limit would clip, (n,): that of the model, or the
+    commanded one."""
     commanded: bool
     times: Sequence[tuple[str, Array, float]]
+    """Of each motion: the log, the times of its rows, and the step of the filtered samples, s."""
 
     @classmethod
     def of(cls, validator: CrossValidator, row: int, theta: Array, commanded: bool) -> _Rows:
         """Rows of one joint, motion by motion."""
         error, clipped, times = list[Array](), list[Array](), list[tuple[str, Array, float]]()
         for source, data in zip(validator.data.sources, validator.data.motions_of(row), strict=True):
-            left = data.tau - validator.columns.predicted(data, theta)
+            left = validator.columns.residual(data, theta)
             t = data.motion.t.read()
             error.append(left)
             clipped.append(data.measured if commanded else data.measured - left)

@@ -33,21 +33,14 @@ from frischid.effects import Formula, PositionFriction
 
 @dataclass(frozen=True)
 class UnmodelledTerm:
-    """A term outside the catalogue that explains far more than the first finding.
-
-    Attributes
-    ----------
-    row : int
-        Position of the joint among the fitted ones.
-    words : str
-        Name of the term, as the subject of a sentence.
-    on_another_joint : bool
-        Whether the term explains an error that no finding explains, on another joint than the first finding.
-    """
+    """A term outside the catalogue that explains far more than the first finding."""
 
     row: int
+    """Position of the joint among the fitted ones."""
     words: str
+    """Name of the term, as the subject of a sentence."""
     on_another_joint: bool
+    """Whether the term explains an error that no finding explains, on another joint than the first finding."""
 
 
 def unmodelled_term(ranking: Ranking, floor: Array, least: Array) -> UnmodelledTerm | None:
@@ -59,7 +52,6 @@ def unmodelled_term(ranking: Ranking, floor: Array, least: Array) -> UnmodelledT
 
     Parameters
     ----------
-    ranking : Ranking
     floor : ndarray, shape (J,)
         Sensor noise of each joint, N·m (N).
     least : ndarray, shape (J,)
@@ -120,7 +112,6 @@ def best_unmodelled(
 
     Parameters
     ----------
-    validator : CrossValidator
     row : int
         Position of the joint among the fitted ones.
     jumping : bool

@@ -59,36 +59,22 @@ LIKE_THE_TWIN = "a robot that misses nothing has as much error there, because se
 
 @dataclass(frozen=True, eq=False)
 class StageResults:
-    """Results of the stages before the verdict.
-
-    Attributes
-    ----------
-    validator : CrossValidator
-        Fit to the logs without the contacts.
-    situation : {"always", "changed"}
-    floor : ndarray, shape (J,)
-        Sensor noise of each joint, N·m (N).
-    least : ndarray, shape (J,)
-        Error where no effect is missing, N·m (N): the healthy twin's, or the floor where that is larger.
-    contacts : tuple of Contact
-    findings : tuple of Finding
-        Best first.
-    ranking : Ranking
-    unmodelled : UnmodelledTerm or None
-    said : str
-        A sentence on repeated motions, empty without any.
-    limits : tuple of TorqueLimit
-    """
+    """Results of the stages before the verdict."""
 
     validator: CrossValidator
+    """Fit to the logs without the contacts."""
     situation: Situation
     floor: Array
+    """Sensor noise of each joint, N·m (N), (J,)."""
     least: Array
+    """Error where no effect is missing, N·m (N), (J,): the healthy twin's, or the floor where that is larger."""
     contacts: tuple[Contact, ...]
     findings: tuple[Finding, ...]
+    """Best first."""
     ranking: Ranking
     unmodelled: UnmodelledTerm | None
     said: str = ""
+    """A sentence on repeated motions, empty without any."""
     limits: tuple[TorqueLimit, ...] = ()
 
     @property
@@ -199,9 +185,6 @@ def with_refit(
 
     Parameters
     ----------
-    verdict : str
-    findings : sequence of Finding
-    refit : Finding
     together : float
         Error that all effects that entered explain, in summed squared NRMSE.
     """
@@ -246,7 +229,6 @@ def without_bias(
 
     Parameters
     ----------
-    findings : sequence of Finding
     by_twin : str
         Verdict where the twin's error counts as noise.
     probabilities : mapping of str to float
@@ -261,7 +243,6 @@ def without_imitator(findings: Sequence[Finding], imitator: str, unmodelled: Unm
 
     Parameters
     ----------
-    findings : sequence of Finding
     imitator : str
         Effect that the term was compared with.
     unmodelled : UnmodelledTerm
@@ -284,7 +265,6 @@ def with_probability(
 
     Parameters
     ----------
-    findings : sequence of Finding
     probabilities : mapping of str to float
     together : float
         Error that all effects that entered explain, in summed squared NRMSE.

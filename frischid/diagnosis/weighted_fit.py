@@ -44,7 +44,6 @@ from scipy import linalg
 
 from frischid.core.types import Array
 from frischid.diagnosis.candidate_columns import Candidate
-from frischid.diagnosis.dataset import Moments
 from frischid.diagnosis.model_columns import ModelColumns
 from frischid.diagnosis.sign_bounds import multipliers
 from frischid.estimators.autocorrelation import Autocorrelation
@@ -59,65 +58,34 @@ _RIDGE = 1e-10  # share of each diagonal element of H that is added, against rou
 
 
 class System(NamedTuple):
-    """Normal equations of the parameters on some folds, solved.
-
-    Attributes
-    ----------
-    factor : (ndarray, bool)
-        Cholesky factor of H.
-    theta : ndarray, shape (p,)
-        Parameters, each of its known sign.
-    free : ndarray, shape (p,)
-        Parameters without regard to their signs.
-    toward : ndarray, shape (p, m)
-        Columns of H⁻¹ of the m parameters of known sign.
-    rise : float
-        Weighted squared error of `theta` above that of `free`.
-    """
+    """Normal equations of the parameters on some folds, solved."""
 
     factor: tuple[Array, bool]
+    """Cholesky factor of H."""
     theta: Array
+    """Parameters, each of its known sign, (p,)."""
     free: Array
+    """Parameters without regard to their signs, (p,)."""
     toward: Array
+    """Columns of H⁻¹ of the m parameters of known sign, (p, m)."""
     rise: float
-
-
-class EliminatedSystem(NamedTuple):
-    """Normal equations of a candidate after the parameters are eliminated, for columns of unit norm.
-
-    ``matrix`` (k, k), ``right`` (k,), ``scale`` (k,): norms of the columns, ``shift`` (p, k): H⁻¹ A.
-    """
-
-    matrix: Array
-    right: Array
-    scale: Array
-    shift: Array
+    """Weighted squared error of `theta` above that of `free`."""
 
 
 @dataclass(frozen=True, eq=False)
 class WeightedFit:
-    """Fit of p columns on all folds, and on all folds but each one.
-
-    Attributes
-    ----------
-    columns : ModelColumns
-    prior : Prior
-    omega : ndarray, shape (J,)
-        Weight of each joint's squared residual.
-    systems : list of System
-        Without each fold in turn, then of everything.
-    sigma : ndarray, shape (J,)
-        Standard deviation of each joint's residual, N·m (N).
-    correlation : ndarray, shape (J,)
-        Its correlation time in samples.
-    """
+    """Fit of p columns on all folds, and on all folds but each one."""
 
     columns: ModelColumns
     prior: Prior
     omega: Array
+    """Weight of each joint's squared residual, (J,)."""
     systems: list[System]
+    """Without each fold in turn, then of everything."""
     sigma: Array
+    """Standard deviation of each joint's residual, N·m (N), (J,)."""
     correlation: Array
+    """Its correlation time in samples, (J,)."""
 
     @classmethod
     def of(cls, columns: ModelColumns, prior: Prior, spread: Array) -> WeightedFit:
@@ -125,8 +93,6 @@ class WeightedFit:
 
         Parameters
         ----------
-        columns : ModelColumns
-        prior : Prior
         spread : ndarray, shape (J,)
             Standard deviation of each joint's torque, N·m (N).
         """
@@ -211,23 +177,22 @@ class WeightedFit:
         rows = self.columns.gram[..., :-1, :-1]
         return np.asarray(self.omega * np.einsum("ab,fjba->j", self.covariance, rows))
 
-    def eliminated(self, X: Moments, D: Moments, candidate: Candidate, left_out: int | None) -> EliminatedSystem | None:
-        """Normal equations of a candidate without the parameters, on all folds but one; None when a column is zero."""
-        system = self.systems[-1 if left_out is None else left_out]
-        theta = system.free
-        train = [f for f in range(self.columns.data.folds) if f != left_out]
-        k = len(candidate.signs)
-        A, e, own = np.zeros((len(theta), k)), np.zeros(k), np.zeros((k, k))
+    def eliminated(self, candidate: Candidate) -> tuple[Array, Array] | None:
+        """Normal equations, (k, k) and (k,), of a candidate's columns of unit norm without the parameters.
+
+        None when a column is zero.
+        """
+        system, (X, D), k = self.systems[-1], self.columns.moments(candidate), len(candidate.signs)
+        A, e, own = np.zeros((len(system.free), k)), np.zeros(k), np.zeros((k, k))
         for row, x in X.items():
-            cross = self.omega[row] * np.add.reduce(x[train])
+            cross = self.omega[row] * np.add.reduce(x)
             A += cross[:-1]
             e += cross[-1]
-            own += self.omega[row] * np.add.reduce(D[row][train])
+            own += self.omega[row] * np.add.reduce(D[row])
         scale = np.sqrt(own.diagonal())
         if not (scale > 0).all():
             return None
-        HA = solve(system, A)
-        return EliminatedSystem((own - A.T @ HA) / (scale[:, None] * scale), (e - A.T @ theta) / scale, scale, HA)
+        return (own - A.T @ solve(system, A)) / (scale[:, None] * scale), (e - A.T @ system.free) / scale
 
 
 def predictive_squares(products: Array, omega: Array) -> Array:

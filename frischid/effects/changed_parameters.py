@@ -16,7 +16,6 @@ Verdonck and De Schutter 2007, IEEE Control Systems 27(5).
 
 from __future__ import annotations
 
-from collections.abc import Mapping
 from dataclasses import dataclass
 from typing import ClassVar
 
@@ -40,32 +39,31 @@ class FrictionChange(Effect):
         Speed over which the sign is smoothed, rad/s (m/s).
     """
 
-    id: ClassVar[str] = "friction_change"
-    title: ClassVar[str] = "changed friction"
-    equation: ClassVar[str] = "dfv·v + dfc·tanh(v/width)"
-    sentence: ClassVar[str] = (
+    id = "friction_change"
+    title = "changed friction"
+    equation = "dfv·v + dfc·tanh(v/width)"
+    sentence = (
         "the friction of {joint} is not what it was when the model was identified: wear, new grease, another "
         "temperature, or a part that rubs"
     )
-    looks_like: ClassVar[str] = (
+    looks_like = (
         "on new logs the residual drawn against speed is a straight line with a step at zero; on the model's own logs "
         "it is not"
     )
-    confused_with: ClassVar[tuple[str, ...]] = ("thermal_drift", "self_heating", "load_friction", "quadratic_viscous")
-    confirmed_by: ClassVar[str] = (
+    confused_with = ("thermal_drift", "self_heating", "load_friction", "quadratic_viscous")
+    confirmed_by = (
         "record the motion of the model's own logs once more, with the joint as warm as then: only changed friction "
         "changes its torque"
     )
-    reference: ClassVar[str] = "Bittencourt and Axelsson 2014, IEEE/ASME Trans. Mechatronics 19(5)"
+    reference = "Bittencourt and Axelsson 2014, IEEE/ASME Trans. Mechatronics 19(5)"
 
-    change: ClassVar[bool] = True
-    single: ClassVar[bool] = True
-    friction: ClassVar[bool] = True
-    dry: ClassVar[bool] = True
-    smooths_sign: ClassVar[bool] = True
-    code: ClassVar[Mapping[str, str]] = {"dfv": "{v}", "dfc": "tanh({v} / {width})"}
-
-    units: ClassVar[Mapping[str, tuple[str, str]]] = {"width": SPEED_UNITS}
+    change = True
+    single = True
+    friction = True
+    dry = True
+    smooths_sign = True
+    code: ClassVar = {"dfv": "{v}", "dfc": "tanh({v} / {width})"}
+    units: ClassVar = {"width": SPEED_UNITS}
 
     width: float = SIGN_WIDTH
 
@@ -83,23 +81,23 @@ class FrictionChange(Effect):
 class OffsetChange(Effect):
     """Torque offset that changed since the model was identified: a sensor or amplifier that was zeroed again."""
 
-    id: ClassVar[str] = "offset_change"
-    title: ClassVar[str] = "changed torque offset"
-    equation: ClassVar[str] = "doff"
-    sentence: ClassVar[str] = (
+    id = "offset_change"
+    title = "changed torque offset"
+    equation = "doff"
+    sentence = (
         "the torque of {joint} has another constant part than when the model was identified: the offset of its sensor "
         "or amplifier changed, or a constant force acts on {joint}"
     )
-    looks_like: ClassVar[str] = "on new logs the whole residual lies above zero or below zero"
-    confused_with: ClassVar[tuple[str, ...]] = ("asymmetric_coulomb", "torque_drift", "joint_spring", "payload")
-    confirmed_by: ClassVar[str] = (
+    looks_like = "on new logs the whole residual lies above zero or below zero"
+    confused_with = ("asymmetric_coulomb", "torque_drift", "joint_spring", "payload")
+    confirmed_by = (
         "hold one pose of the model's own logs, and restart the controller there: a new offset changes the torque, "
         "and no body or friction does"
     )
-    reference: ClassVar[str] = "Swevers, Verdonck and De Schutter 2007, IEEE Control Systems 27(5)"
+    reference = "Swevers, Verdonck and De Schutter 2007, IEEE Control Systems 27(5)"
 
-    change: ClassVar[bool] = True
-    code: ClassVar[Mapping[str, str]] = {"doff": "1.0"}
+    change = True
+    code: ClassVar = {"doff": "1.0"}
 
     def terms(self, state: State) -> list[Term]:
         """One column per joint: one."""

@@ -31,7 +31,6 @@ Source: Franklin, Powell and Emami-Naeini 2019, Feedback Control of Dynamic Syst
 
 from __future__ import annotations
 
-from collections.abc import Mapping
 from dataclasses import dataclass
 from typing import ClassVar, Self
 
@@ -47,25 +46,25 @@ from frischid.robot.robot import Robot
 class CommandDelay(Effect):
     """Commands that act later than is known: one delay for all joints, or one for each joint named."""
 
-    id: ClassVar[str] = "command_delay"
-    title: ClassVar[str] = "commands that act later"
-    equation: ClassVar[str] = "late·rate"
-    symbols: ClassVar[Mapping[str, str]] = {
+    id = "command_delay"
+    title = "commands that act later"
+    equation = "late·rate"
+    symbols: ClassVar = {
         "late": "identified coefficient: time by which commands act later than the controller's delay says",
         "rate": "rate of the torque that follows from commands alone, kp·q_cmd + kd·v_cmd + τ_ff",
     }
-    sentence: ClassVar[str] = (
+    sentence = (
         "the commands of {joint} act later (or earlier) than the controller's delay says: name the delay (--delay)"
     )
-    looks_like: ClassVar[str] = (
+    looks_like = (
         "an error like negative viscous friction, that follows the speed of the command and not that of the joint"
     )
-    confused_with: ClassVar[tuple[str, ...]] = ("viscous", "time_delay", "rotor_inertia")
-    confirmed_by: ClassVar[str] = "command a sudden small step and read how long the joint takes to begin to move"
-    reference: ClassVar[str] = "Franklin, Powell and Emami-Naeini 2019, Feedback Control of Dynamic Systems, Pearson"
+    confused_with = ("viscous", "time_delay", "rotor_inertia")
+    confirmed_by = "command a sudden small step and read how long the joint takes to begin to move"
+    reference = "Franklin, Powell and Emami-Naeini 2019, Feedback Control of Dynamic Systems, Pearson"
 
-    of_controller: ClassVar[bool] = True
-    least: ClassVar[float] = 5e-4  # s: half a period of the usual command loop, the rounding of a time stamp
+    of_controller = True
+    least = 5e-4  # s: half a period of the usual command loop, the rounding of a time stamp
 
     @classmethod
     def candidates(cls, robot: Robot) -> list[list[Self]]:
@@ -88,25 +87,23 @@ class CommandDelay(Effect):
 class PositionGain(Effect):
     """A position gain that is not the controller's: the true kp is the known one over ``1 + soft``."""
 
-    id: ClassVar[str] = "position_gain"
-    title: ClassVar[str] = "another position gain of the controller"
-    equation: ClassVar[str] = "soft·(τ_model − rest)"
-    symbols: ClassVar[Mapping[str, str]] = {
+    id = "position_gain"
+    title = "another position gain of the controller"
+    equation = "soft·(τ_model − rest)"
+    symbols: ClassVar = {
         "soft": "identified coefficient: the known kp over the true kp, less 1",
         "rest": "torque of the controller that the position error does not cause, kd·(v_cmd − q̇) + τ_ff",
     }
-    sentence: ClassVar[str] = (
+    sentence = (
         "the kp of {joint} is not the one that the controller was given: it is the given one over 1 + soft (--kp)"
     )
-    looks_like: ClassVar[str] = "the residual is a copy of the position error, on this joint only"
-    confused_with: ClassVar[tuple[str, ...]] = ("payload", "load_friction", "joint_spring")
-    confirmed_by: ClassVar[str] = (
-        "hang a known weight on the link, hold still, and read how far the joint stays behind its command"
-    )
-    reference: ClassVar[str] = "Franklin, Powell and Emami-Naeini 2019, Feedback Control of Dynamic Systems, Pearson"
+    looks_like = "the residual is a copy of the position error, on this joint only"
+    confused_with = ("payload", "load_friction", "joint_spring")
+    confirmed_by = "hang a known weight on the link, hold still, and read how far the joint stays behind its command"
+    reference = "Franklin, Powell and Emami-Naeini 2019, Feedback Control of Dynamic Systems, Pearson"
 
-    of_controller: ClassVar[bool] = True
-    loaded: ClassVar[bool] = True
+    of_controller = True
+    loaded = True
 
     def channels(self, robot: Robot) -> tuple[str, ...]:
         """``controller_rest_<joint>``, which a log of commands has."""
@@ -122,21 +119,21 @@ class PositionGain(Effect):
 class VelocityGain(Effect):
     """A damping gain that the controller's description leaves open."""
 
-    id: ClassVar[str] = "velocity_gain"
-    title: ClassVar[str] = "damping gain of the controller"
-    equation: ClassVar[str] = "kd·(v − v_cmd)"
-    symbols: ClassVar[Mapping[str, str]] = {
+    id = "velocity_gain"
+    title = "damping gain of the controller"
+    equation = "kd·(v − v_cmd)"
+    symbols: ClassVar = {
         "kd": "identified coefficient: the drive's torque per velocity error",
         "v_cmd": "commanded velocity, zero where the log has none",
     }
-    sentence: ClassVar[str] = "the drive of {joint} damps the difference between its velocity and the commanded one"
-    looks_like: ClassVar[str] = "an error in proportion to the velocity less the commanded velocity"
-    confused_with: ClassVar[tuple[str, ...]] = ("viscous", "command_delay", "time_delay")
-    confirmed_by: ClassVar[str] = "command the same positions with their velocities, then with the velocity zero"
-    reference: ClassVar[str] = "Franklin, Powell and Emami-Naeini 2019, Feedback Control of Dynamic Systems, Pearson"
+    sentence = "the drive of {joint} damps the difference between its velocity and the commanded one"
+    looks_like = "an error in proportion to the velocity less the commanded velocity"
+    confused_with = ("viscous", "command_delay", "time_delay")
+    confirmed_by = "command the same positions with their velocities, then with the velocity zero"
+    reference = "Franklin, Powell and Emami-Naeini 2019, Feedback Control of Dynamic Systems, Pearson"
 
-    of_controller: ClassVar[bool] = True
-    candidate: ClassVar = "never"  # a kd that is named is taken as known; identify adds this column where kd is open
+    of_controller = True
+    candidate = "never"  # a kd that is named is taken as known; identify adds this column where kd is open
 
     def channels(self, robot: Robot) -> tuple[str, ...]:
         """``controller_velocity_command_<joint>``, which a log of commands has where kd is open."""

@@ -45,7 +45,6 @@ class RigidDynamics:
 
     Attributes
     ----------
-    robot : Robot
     theta : ndarray, shape (10 L,)
         Values of ``robot.all_names``, in the user's frames.
     """

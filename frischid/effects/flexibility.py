@@ -15,7 +15,7 @@ mechanical systems with backlash: a survey", Automatica 38(10).
 from __future__ import annotations
 
 from abc import abstractmethod
-from collections.abc import Iterator, Mapping, Sequence
+from collections.abc import Iterator, Sequence
 from dataclasses import dataclass
 from typing import ClassVar, Self
 
@@ -42,8 +42,6 @@ def deflected(slopes: Sequence[Array], joint: int, lag: Lag) -> dict[int, Array]
     ----------
     slopes : sequence of ndarray, shape (J, N)
         ∂τ/∂q_j, ∂τ/∂q̇_j and M_j of the joint along the motion.
-    joint : int
-    lag : Lag
     """
     position, velocity, acceleration = slopes
     change = position * -lag.place
@@ -57,8 +55,8 @@ def deflected(slopes: Sequence[Array], joint: int, lag: Lag) -> dict[int, Array]
 class _Geared(Effect):
     """Transmission between motor and link: one column per joint, in the rows of all joints."""
 
-    memory: ClassVar[bool] = True
-    loaded: ClassVar[bool] = True
+    memory = True
+    loaded = True
     symbol: ClassVar[str]
     per: ClassVar[str]
 
@@ -99,36 +97,31 @@ class Elasticity(_Geared):
         Share of the joint's dry friction that acts behind the transmission, on the link.
     """
 
-    id: ClassVar[str] = "elasticity"
-    title: ClassVar[str] = "joint elasticity"
-    equation: ClassVar[str] = (
+    id = "elasticity"
+    title = "joint elasticity"
+    equation = (
         "ce·((∂τ_rigid/∂δ)[−s] + k·(f − f_c·sign(v))),  "
         "s the spring's torque: s + (∂τ/∂q·s + ∂τ/∂v·s′ + M·s″)/k = load + f"
     )
-    symbols: ClassVar[Mapping[str, str]] = {
+    symbols: ClassVar = {
         "ce": "identified coefficient: compliance, the deflection per torque",
         "δ": "deflection of the link behind the motor",
         "s": "torque of the spring",
         "k": "stiffness of the spring",
     }
-    sentence: ClassVar[str] = (
+    sentence = (
         "the transmission of {joint} is elastic: it bends under load, and the link lags behind the motor's encoder"
     )
-    looks_like: ClassVar[str] = (
-        "an error like the second time derivative of the load, largest where the motion changes fastest"
-    )
-    confused_with: ClassVar[tuple[str, ...]] = ("backlash", "time_delay", "rotor_inertia")
-    confirmed_by: ClassVar[str] = (
-        "record fast oscillations up to the first resonance; or load the tip and measure how it sinks"
-    )
-    reference: ClassVar[str] = "Spong 1987, ASME J. Dynamic Systems, Measurement and Control 109(4)"
+    looks_like = "an error like the second time derivative of the load, largest where the motion changes fastest"
+    confused_with = ("backlash", "time_delay", "rotor_inertia")
+    confirmed_by = "record fast oscillations up to the first resonance; or load the tip and measure how it sinks"
+    reference = "Spong 1987, ASME J. Dynamic Systems, Measurement and Control 109(4)"
 
-    shapes: ClassVar[Mapping[str, tuple[float, ...]]] = {
+    shapes: ClassVar = {
         "period": (0.0, 0.08, 0.11, 0.14, 0.17, 0.21, 0.26, 0.33, 0.42),
         "rubbing": (0.0, 0.33, 0.67),
     }
-
-    units: ClassVar[Mapping[str, tuple[str, str]]] = {"period": TIME_UNITS}
+    units: ClassVar = {"period": TIME_UNITS}
 
     period: float = 0.0
     rubbing: float = 0.0
@@ -138,8 +131,8 @@ class Elasticity(_Geared):
             raise InputError(f"{self.id}: period must be a time in s, 0 or more, got {self.period}")
         require_share(self.id, self.rubbing)
 
-    symbol: ClassVar[str] = "ce"
-    per: ClassVar[str] = "torque slope torque"
+    symbol = "ce"
+    per = "torque slope torque"
 
     def gear(self, joint: int) -> Gear:
         """The spring between the joint's motor and its link."""
@@ -159,30 +152,27 @@ class Backlash(_Geared):
         Share of the joint's dry friction that acts behind the gear, on the link.
     """
 
-    id: ClassVar[str] = "backlash"
-    title: ClassVar[str] = "backlash"
-    equation: ClassVar[str] = (
-        "gap·((∂τ_rigid/∂δ)[−δ] + f − f_c·sign(v))/size,  M·δ″ = load + f while |δ| < size, else δ = ±size"
-    )
-    symbols: ClassVar[Mapping[str, str]] = {
+    id = "backlash"
+    title = "backlash"
+    equation = "gap·((∂τ_rigid/∂δ)[−δ] + f − f_c·sign(v))/size,  M·δ″ = load + f while |δ| < size, else δ = ±size"
+    symbols: ClassVar = {
         "gap": "identified coefficient: half the play",
         "δ": "place of the link within the play",
     }
-    sentence: ClassVar[str] = (
+    sentence = (
         "the gear of {joint} has play: when the load changes sign, the torque first drops, then jumps as the teeth "
         "meet again"
     )
-    looks_like: ClassVar[str] = "short pulses where the joint's load torque passes through zero, whatever the speed"
-    confused_with: ClassVar[tuple[str, ...]] = ("gear_play", "elasticity", "hysteresis", "stribeck")
-    confirmed_by: ClassVar[str] = "hold the motor and push the link to and fro: the link moves freely over the gap"
-    reference: ClassVar[str] = "Nordin and Gutman 2002, Automatica 38(10)"
+    looks_like = "short pulses where the joint's load torque passes through zero, whatever the speed"
+    confused_with = ("gear_play", "elasticity", "hysteresis", "stribeck")
+    confirmed_by = "hold the motor and push the link to and fro: the link moves freely over the gap"
+    reference = "Nordin and Gutman 2002, Automatica 38(10)"
 
-    shapes: ClassVar[Mapping[str, tuple[float, ...]]] = {
+    shapes: ClassVar = {
         "size": (0.0003, 0.0007, 0.0015, 0.003, 0.006, 0.012, 0.025, 0.05, 0.1),
         "rubbing": (0.0, 0.5),
     }
-
-    units: ClassVar[Mapping[str, tuple[str, str]]] = {"size": ANGLE_UNITS}
+    units: ClassVar = {"size": ANGLE_UNITS}
 
     size: float = 0.003
     rubbing: float = 0.0
@@ -191,8 +181,8 @@ class Backlash(_Geared):
         self.require_positive(size="angle in rad (distance in m)")
         require_share(self.id, self.rubbing)
 
-    symbol: ClassVar[str] = "gap"
-    per: ClassVar[str] = "torque slope"
+    symbol = "gap"
+    per = "torque slope"
 
     def gear(self, joint: int) -> Gear:
         """The gap that the joint's link crosses."""

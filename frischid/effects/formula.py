@@ -12,10 +12,9 @@ Source of the idea of a library of candidate functions: Brunton, Proctor and Kut
 from __future__ import annotations
 
 import ast
-from collections.abc import Mapping
 from dataclasses import dataclass
 from functools import cached_property
-from typing import ClassVar, Literal
+from typing import ClassVar
 
 import numpy as np
 
@@ -43,23 +42,23 @@ class Formula(Effect):
         beginning).
     """
 
-    id: ClassVar[str] = "formula"
-    title: ClassVar[str] = "the user's own formula"
-    equation: ClassVar[str] = "c·expression(q, v, a, load, tau_model, temperature, t)"
-    symbols: ClassVar[Mapping[str, str]] = {
+    id = "formula"
+    title = "the user's own formula"
+    equation = "c·expression(q, v, a, load, tau_model, temperature, t)"
+    symbols: ClassVar = {
         "c": "identified coefficient",
         "expression": "the formula that you write",
     }
-    sentence: ClassVar[str] = "{joint} needs torque that follows a formula of your own"
-    looks_like: ClassVar[str] = "a residual that follows the formula"
-    confused_with: ClassVar[tuple[str, ...]] = ("joint_spring", "cogging", "quadratic_viscous")
-    confirmed_by: ClassVar[str] = "record a motion on which the formula's variables change independently of one another"
-    reference: ClassVar[str] = "Brunton, Proctor and Kutz 2016, PNAS 113(15)"
+    sentence = "{joint} needs torque that follows a formula of your own"
+    looks_like = "a residual that follows the formula"
+    confused_with = ("joint_spring", "cogging", "quadratic_viscous")
+    confirmed_by = "record a motion on which the formula's variables change independently of one another"
+    reference = "Brunton, Proctor and Kutz 2016, PNAS 113(15)"
 
-    loaded: ClassVar[bool] = True
-    candidate: ClassVar[Literal["joint", "robot", "never"]] = "never"
-    several: ClassVar[bool] = True
-    stated: ClassVar[tuple[str, ...]] = ("expression",)
+    loaded = True
+    candidate = "never"
+    several = True
+    stated = ("expression",)
 
     expression: str = "sin(q)*v"
 

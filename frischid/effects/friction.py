@@ -15,7 +15,6 @@ analytically-invertible dynamics with contacts and constraints".
 
 from __future__ import annotations
 
-from collections.abc import Mapping
 from dataclasses import dataclass
 from functools import partial
 from typing import ClassVar
@@ -34,17 +33,17 @@ from frischid.robot.robot import Robot
 class Viscous(Effect):
     """Friction proportional to speed, ``fv q̇``."""
 
-    id: ClassVar[str] = "viscous"
-    title: ClassVar[str] = "viscous friction"
-    equation: ClassVar[str] = "fv·v"
-    sentence: ClassVar[str] = "{joint} needs torque in proportion to its speed: viscous friction"
-    looks_like: ClassVar[str] = "the residual drawn against speed is a straight line through zero"
-    confused_with: ClassVar[tuple[str, ...]] = ("coulomb", "quadratic_viscous", "time_delay")
-    confirmed_by: ClassVar[str] = "move the joint at several constant speeds, in both directions"
-    reference: ClassVar[str] = "Armstrong-Hélouvry, Dupont and Canudas de Wit 1994, Automatica 30(7)"
+    id = "viscous"
+    title = "viscous friction"
+    equation = "fv·v"
+    sentence = "{joint} needs torque in proportion to its speed: viscous friction"
+    looks_like = "the residual drawn against speed is a straight line through zero"
+    confused_with = ("coulomb", "quadratic_viscous", "time_delay")
+    confirmed_by = "move the joint at several constant speeds, in both directions"
+    reference = "Armstrong-Hélouvry, Dupont and Canudas de Wit 1994, Automatica 30(7)"
 
-    friction: ClassVar[bool] = True
-    code: ClassVar[Mapping[str, str]] = {"fv": "{v}"}
+    friction = True
+    code: ClassVar = {"fv": "{v}"}
 
     def terms(self, state: State) -> list[Term]:
         """One column per joint: its speed."""
@@ -67,22 +66,20 @@ class Coulomb(Effect):
         Time by which friction changes its direction ahead of the motion, s.
     """
 
-    id: ClassVar[str] = "coulomb"
-    title: ClassVar[str] = "Coulomb (dry) friction"
-    equation: ClassVar[str] = "fc·tanh((v + lead·a)/width)"
-    sentence: ClassVar[str] = "{joint} needs a constant torque against its motion, whatever the speed: Coulomb friction"
-    looks_like: ClassVar[str] = "the residual drawn against speed has a step at zero"
-    confused_with: ClassVar[tuple[str, ...]] = ("viscous", "load_friction", "hysteresis")
-    confirmed_by: ClassVar[str] = "move the joint slowly in both directions: the torque jumps by 2·fc at each reversal"
-    reference: ClassVar[str] = "Armstrong-Hélouvry, Dupont and Canudas de Wit 1994, Automatica 30(7)"
+    id = "coulomb"
+    title = "Coulomb (dry) friction"
+    equation = "fc·tanh((v + lead·a)/width)"
+    sentence = "{joint} needs a constant torque against its motion, whatever the speed: Coulomb friction"
+    looks_like = "the residual drawn against speed has a step at zero"
+    confused_with = ("viscous", "load_friction", "hysteresis")
+    confirmed_by = "move the joint slowly in both directions: the torque jumps by 2·fc at each reversal"
+    reference = "Armstrong-Hélouvry, Dupont and Canudas de Wit 1994, Automatica 30(7)"
 
-    friction: ClassVar[bool] = True
-    code: ClassVar[Mapping[str, str]] = {"fc": "tanh(({v} + {lead} * {a}) / {width})"}
-
-    dry: ClassVar[bool] = True
-    smooths_sign: ClassVar[bool] = True
-
-    units: ClassVar[Mapping[str, tuple[str, str]]] = {"width": SPEED_UNITS, "lead": TIME_UNITS}
+    friction = True
+    code: ClassVar = {"fc": "tanh(({v} + {lead} * {a}) / {width})"}
+    dry = True
+    smooths_sign = True
+    units: ClassVar = {"width": SPEED_UNITS, "lead": TIME_UNITS}
 
     width: float = SIGN_WIDTH
     lead: float = 0.0
@@ -114,19 +111,19 @@ class Coulomb(Effect):
 class Offset(Effect):
     """Constant torque: the zero error of a sensor or current loop, or friction that differs between directions."""
 
-    id: ClassVar[str] = "offset"
-    title: ClassVar[str] = "torque offset"
-    equation: ClassVar[str] = "off"
-    sentence: ClassVar[str] = (
+    id = "offset"
+    title = "torque offset"
+    equation = "off"
+    sentence = (
         "the torque of {joint} has a constant error: an offset of the sensor or amplifier, or dry friction that "
         "differs between the two directions"
     )
-    looks_like: ClassVar[str] = "the whole residual lies above zero or below zero"
-    confused_with: ClassVar[tuple[str, ...]] = ("asymmetric_coulomb", "joint_spring")
-    confirmed_by: ClassVar[str] = "hold the robot still in several poses: the offset is the same in every pose"
-    reference: ClassVar[str] = "Swevers, Verdonck and De Schutter 2007, IEEE Control Systems 27(5)"
+    looks_like = "the whole residual lies above zero or below zero"
+    confused_with = ("asymmetric_coulomb", "joint_spring")
+    confirmed_by = "hold the robot still in several poses: the offset is the same in every pose"
+    reference = "Swevers, Verdonck and De Schutter 2007, IEEE Control Systems 27(5)"
 
-    code: ClassVar[Mapping[str, str]] = {"off": "1.0"}
+    code: ClassVar = {"off": "1.0"}
 
     def terms(self, state: State) -> list[Term]:
         """One column per joint: one."""

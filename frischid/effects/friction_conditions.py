@@ -13,7 +13,6 @@ compensation", IEEE ICRA, which measured friction of a PUMA 560 over the positio
 
 from __future__ import annotations
 
-from collections.abc import Mapping
 from dataclasses import dataclass
 from typing import ClassVar
 
@@ -35,28 +34,22 @@ class LoadFriction(Effect):
         Speed over which the sign is smoothed, rad/s (m/s).
     """
 
-    id: ClassVar[str] = "load_friction"
-    title: ClassVar[str] = "load-dependent friction"
-    equation: ClassVar[str] = "fl·|τ_rigid|·tanh(v/width)"
-    sentence: ClassVar[str] = "the dry friction of {joint} grows with the load that the gear carries"
-    looks_like: ClassVar[str] = (
-        "the residual drawn against speed has a step at zero, and the step is larger where the load is high"
-    )
-    confused_with: ClassVar[tuple[str, ...]] = ("coulomb", "position_friction", "drive_gain", "hysteresis")
-    confirmed_by: ClassVar[str] = (
-        "record the same slow reversals with the arm stretched out and folded, or with a payload"
-    )
-    reference: ClassVar[str] = "Hamon, Gautier and Garrec 2010, IEEE/RSJ IROS"
+    id = "load_friction"
+    title = "load-dependent friction"
+    equation = "fl·|τ_rigid|·tanh(v/width)"
+    sentence = "the dry friction of {joint} grows with the load that the gear carries"
+    looks_like = "the residual drawn against speed has a step at zero, and the step is larger where the load is high"
+    confused_with = ("coulomb", "position_friction", "drive_gain", "hysteresis")
+    confirmed_by = "record the same slow reversals with the arm stretched out and folded, or with a payload"
+    reference = "Hamon, Gautier and Garrec 2010, IEEE/RSJ IROS"
 
-    friction: ClassVar[bool] = True
-    after_change: ClassVar[tuple[str, ...]] = ("friction_change",)
-    code: ClassVar[Mapping[str, str]] = {"fl": "abs({load}) * tanh({v} / {width})"}
-
-    dry: ClassVar[bool] = True
-    smooths_sign: ClassVar[bool] = True
-    loaded: ClassVar[bool] = True
-
-    units: ClassVar[Mapping[str, tuple[str, str]]] = {"width": SPEED_UNITS}
+    friction = True
+    after_change = ("friction_change",)
+    code: ClassVar = {"fl": "abs({load}) * tanh({v} / {width})"}
+    dry = True
+    smooths_sign = True
+    loaded = True
+    units: ClassVar = {"width": SPEED_UNITS}
 
     width: float = SIGN_WIDTH
 
@@ -82,36 +75,32 @@ class LoadStribeck(Effect):
         Speed over which the sign is smoothed, rad/s (m/s).
     """
 
-    id: ClassVar[str] = "load_stribeck"
-    title: ClassVar[str] = "Stribeck friction that grows with the load"
-    equation: ClassVar[str] = "fsl·|τ_rigid|·tanh(v/width)·exp(−|v|/speed)"
-    sentence: ClassVar[str] = (
+    id = "load_stribeck"
+    title = "Stribeck friction that grows with the load"
+    equation = "fsl·|τ_rigid|·tanh(v/width)·exp(−|v|/speed)"
+    sentence = (
         "{joint} needs more torque just after a reversal, and the more so the larger the load: under load the "
         "lubricant film is pressed out and builds up again with speed"
     )
-    looks_like: ClassVar[str] = (
+    looks_like = (
         "the residual drawn against speed has a peak on each side of zero, and the peaks are higher where the load is "
         "high"
     )
-    confused_with: ClassVar[tuple[str, ...]] = ("stribeck", "load_friction", "hysteresis")
-    confirmed_by: ClassVar[str] = (
+    confused_with = ("stribeck", "load_friction", "hysteresis")
+    confirmed_by = (
         "record slow constant speeds, from 0.01 to 0.5 rad/s, once with the arm folded and once stretched out or with "
         "a payload: the peak at low speed grows with the load"
     )
-    reference: ClassVar[str] = "Bittencourt and Gunnarsson 2012, ASME J. Dyn. Systems, Meas. and Control 134(5)"
+    reference = "Bittencourt and Gunnarsson 2012, ASME J. Dyn. Systems, Meas. and Control 134(5)"
 
-    friction: ClassVar[bool] = True
-    after_change: ClassVar[tuple[str, ...]] = ("friction_change",)
-    code: ClassVar[Mapping[str, str]] = {
-        "fsl": "abs({load}) * tanh({v} / {width}) * exp(-abs({v}) / {speed})",
-    }
-
-    dry: ClassVar[bool] = True
-    smooths_sign: ClassVar[bool] = True
-    loaded: ClassVar[bool] = True
-    shapes: ClassVar[Mapping[str, tuple[float, ...]]] = {"speed": (0.03, 0.1, 0.3)}
-
-    units: ClassVar[Mapping[str, tuple[str, str]]] = {"speed": SPEED_UNITS, "width": SPEED_UNITS}
+    friction = True
+    after_change = ("friction_change",)
+    code: ClassVar = {"fsl": "abs({load}) * tanh({v} / {width}) * exp(-abs({v}) / {speed})"}
+    dry = True
+    smooths_sign = True
+    loaded = True
+    shapes: ClassVar = {"speed": (0.03, 0.1, 0.3)}
+    units: ClassVar = {"speed": SPEED_UNITS, "width": SPEED_UNITS}
 
     speed: float = 0.1
     width: float = SIGN_WIDTH
@@ -143,31 +132,27 @@ class PositionFriction(Effect):
         Speed over which the sign is smoothed, rad/s (m/s).
     """
 
-    id: ClassVar[str] = "position_friction"
-    title: ClassVar[str] = "friction that depends on the position"
-    equation: ClassVar[str] = "fp·(q − middle)·tanh(v/width)"
-    sentence: ClassVar[str] = (
+    id = "position_friction"
+    title = "friction that depends on the position"
+    equation = "fp·(q − middle)·tanh(v/width)"
+    sentence = (
         "the dry friction of {joint} changes along the range of the joint: a linkage with a changing ratio, a gear "
         "that is not centred, or a guide that is tighter at one end"
     )
-    looks_like: ClassVar[str] = (
-        "the residual drawn against speed has a step at zero, and the step grows towards one end of the range"
-    )
-    confused_with: ClassVar[tuple[str, ...]] = ("coulomb", "load_friction", "hysteresis", "joint_coupling")
-    confirmed_by: ClassVar[str] = (
+    looks_like = "the residual drawn against speed has a step at zero, and the step grows towards one end of the range"
+    confused_with = ("coulomb", "load_friction", "hysteresis", "joint_coupling")
+    confirmed_by = (
         "record slow movements to and fro over a few degrees, near both ends of the range: the torque jumps by "
         "different amounts at the reversals"
     )
-    reference: ClassVar[str] = "Armstrong 1988, IEEE ICRA"
+    reference = "Armstrong 1988, IEEE ICRA"
 
-    friction: ClassVar[bool] = True
-    after_change: ClassVar[tuple[str, ...]] = ("friction_change",)
-    code: ClassVar[Mapping[str, str]] = {"fp": "({q} - {middle}) * tanh({v} / {width})"}
-
-    dry: ClassVar[bool] = True
-    smooths_sign: ClassVar[bool] = True
-
-    units: ClassVar[Mapping[str, tuple[str, str]]] = {"width": SPEED_UNITS}
+    friction = True
+    after_change = ("friction_change",)
+    code: ClassVar = {"fp": "({q} - {middle}) * tanh({v} / {width})"}
+    dry = True
+    smooths_sign = True
+    units: ClassVar = {"width": SPEED_UNITS}
 
     width: float = SIGN_WIDTH
 

@@ -12,7 +12,6 @@ Source: Armstrong-Hélouvry, Dupont and Canudas de Wit 1994, Automatica 30(7).
 
 from __future__ import annotations
 
-from collections.abc import Mapping
 from dataclasses import dataclass
 from typing import ClassVar
 
@@ -37,34 +36,29 @@ class Stribeck(Effect):
         Speed over which the sign is smoothed, rad/s (m/s).
     """
 
-    id: ClassVar[str] = "stribeck"
-    title: ClassVar[str] = "Stribeck friction"
-    equation: ClassVar[str] = "fs·tanh(v/width)·exp(−(|v|/speed)^exponent)"
-    sentence: ClassVar[str] = (
+    id = "stribeck"
+    title = "Stribeck friction"
+    equation = "fs·tanh(v/width)·exp(−(|v|/speed)^exponent)"
+    sentence = (
         "{joint} needs more torque just after a reversal than at higher speed: Stribeck friction, because the "
         "lubricant film builds up with speed"
     )
-    looks_like: ClassVar[str] = (
+    looks_like = (
         "the residual drawn against speed has a peak on each side of zero; the peak ends within a tenth of a rad/s"
     )
-    confused_with: ClassVar[tuple[str, ...]] = ("coulomb", "quadratic_viscous", "cubic_viscous", "hysteresis")
-    confirmed_by: ClassVar[str] = (
+    confused_with = ("coulomb", "quadratic_viscous", "cubic_viscous", "hysteresis")
+    confirmed_by = (
         "record many slow constant speeds, from 0.01 to 0.5 rad/s: with rising speed the torque first falls, then rises"
     )
-    reference: ClassVar[str] = "Bo and Pavelescu 1982, Wear 82(3)"
+    reference = "Bo and Pavelescu 1982, Wear 82(3)"
 
-    friction: ClassVar[bool] = True
-    after_change: ClassVar[tuple[str, ...]] = ("friction_change",)
-    code: ClassVar[Mapping[str, str]] = {"fs": "tanh({v} / {width}) * exp(-pow(abs({v}) / {speed}, {exponent}))"}
-
-    dry: ClassVar[bool] = True
-    smooths_sign: ClassVar[bool] = True
-    shapes: ClassVar[Mapping[str, tuple[float, ...]]] = {
-        "speed": (0.02, 0.05, 0.1, 0.2, 0.5),
-        "exponent": (1.0, 2.0),
-    }
-
-    units: ClassVar[Mapping[str, tuple[str, str]]] = {"speed": SPEED_UNITS, "width": SPEED_UNITS}
+    friction = True
+    after_change = ("friction_change",)
+    code: ClassVar = {"fs": "tanh({v} / {width}) * exp(-pow(abs({v}) / {speed}, {exponent}))"}
+    dry = True
+    smooths_sign = True
+    shapes: ClassVar = {"speed": (0.02, 0.05, 0.1, 0.2, 0.5), "exponent": (1.0, 2.0)}
+    units: ClassVar = {"speed": SPEED_UNITS, "width": SPEED_UNITS}
 
     speed: float = 0.1
     exponent: float = 2.0
@@ -87,23 +81,21 @@ class Stribeck(Effect):
 class QuadraticViscous(Effect):
     """Friction that grows with the square of the speed, ``fvv q̇|q̇|``."""
 
-    id: ClassVar[str] = "quadratic_viscous"
-    title: ClassVar[str] = "quadratic viscous friction"
-    equation: ClassVar[str] = "fvv·v·|v|"
-    sentence: ClassVar[str] = (
+    id = "quadratic_viscous"
+    title = "quadratic viscous friction"
+    equation = "fvv·v·|v|"
+    sentence = (
         "the friction of {joint} has a part that is quadratic in the speed: with a positive sign churning lubricant or "
         "air drag, with a negative sign lubricant that gets thinner with speed"
     )
-    looks_like: ClassVar[str] = (
-        "the residual drawn against speed is an S: at both ends the viscous line becomes steeper (or flatter)"
-    )
-    confused_with: ClassVar[tuple[str, ...]] = ("cubic_viscous", "viscous", "stribeck")
-    confirmed_by: ClassVar[str] = "record constant speeds up to the joint's limit, in both directions"
-    reference: ClassVar[str] = "Simoni, Beschi, Legnani and Visioli 2015, IEEE/RSJ IROS"
+    looks_like = "the residual drawn against speed is an S: at both ends the viscous line becomes steeper (or flatter)"
+    confused_with = ("cubic_viscous", "viscous", "stribeck")
+    confirmed_by = "record constant speeds up to the joint's limit, in both directions"
+    reference = "Simoni, Beschi, Legnani and Visioli 2015, IEEE/RSJ IROS"
 
-    friction: ClassVar[bool] = True
-    after_change: ClassVar[tuple[str, ...]] = ("friction_change",)
-    code: ClassVar[Mapping[str, str]] = {"fvv": "{v} * abs({v})"}
+    friction = True
+    after_change = ("friction_change",)
+    code: ClassVar = {"fvv": "{v} * abs({v})"}
 
     def terms(self, state: State) -> list[Term]:
         """One column per joint: speed times its size."""
@@ -114,20 +106,18 @@ class QuadraticViscous(Effect):
 class CubicViscous(Effect):
     """Friction that grows with the third power of the speed, ``fvvv q̇³``."""
 
-    id: ClassVar[str] = "cubic_viscous"
-    title: ClassVar[str] = "cubic viscous friction"
-    equation: ClassVar[str] = "fvvv·v³"
-    sentence: ClassVar[str] = (
-        "the friction of {joint} bends away from a straight line at high speed: cubic viscous friction"
-    )
-    looks_like: ClassVar[str] = "the residual drawn against speed is flat in the middle and steep at both ends"
-    confused_with: ClassVar[tuple[str, ...]] = ("quadratic_viscous", "viscous", "stribeck")
-    confirmed_by: ClassVar[str] = "record constant speeds up to the joint's limit, in both directions"
-    reference: ClassVar[str] = "Taghirad and Bélanger 1998, ASME J. Dynamic Systems, Measurement and Control 120(4)"
+    id = "cubic_viscous"
+    title = "cubic viscous friction"
+    equation = "fvvv·v³"
+    sentence = "the friction of {joint} bends away from a straight line at high speed: cubic viscous friction"
+    looks_like = "the residual drawn against speed is flat in the middle and steep at both ends"
+    confused_with = ("quadratic_viscous", "viscous", "stribeck")
+    confirmed_by = "record constant speeds up to the joint's limit, in both directions"
+    reference = "Taghirad and Bélanger 1998, ASME J. Dynamic Systems, Measurement and Control 120(4)"
 
-    friction: ClassVar[bool] = True
-    after_change: ClassVar[tuple[str, ...]] = ("friction_change",)
-    code: ClassVar[Mapping[str, str]] = {"fvvv": "{v} * {v} * {v}"}
+    friction = True
+    after_change = ("friction_change",)
+    code: ClassVar = {"fvvv": "{v} * {v} * {v}"}
 
     def terms(self, state: State) -> list[Term]:
         """One column per joint: the third power of its speed."""
@@ -138,23 +128,21 @@ class CubicViscous(Effect):
 class AsymmetricViscous(Effect):
     """Viscous friction that differs between the two directions, ``fva |q̇|``."""
 
-    id: ClassVar[str] = "asymmetric_viscous"
-    title: ClassVar[str] = "direction-dependent viscous friction"
-    equation: ClassVar[str] = "fva·|v|"
-    sentence: ClassVar[str] = (
+    id = "asymmetric_viscous"
+    title = "direction-dependent viscous friction"
+    equation = "fva·|v|"
+    sentence = (
         "{joint} needs more torque to move fast in one direction than in the other: its viscous friction depends on "
         "the direction"
     )
-    looks_like: ClassVar[str] = (
-        "the residual drawn against speed is a V: with faster motion it rises (or falls) in both directions"
-    )
-    confused_with: ClassVar[tuple[str, ...]] = ("offset", "asymmetric_coulomb")
-    confirmed_by: ClassVar[str] = "record the same constant speeds forward and backward through the same angles"
-    reference: ClassVar[str] = "Armstrong-Hélouvry 1991, Control of Machines with Friction, Kluwer"
+    looks_like = "the residual drawn against speed is a V: with faster motion it rises (or falls) in both directions"
+    confused_with = ("offset", "asymmetric_coulomb")
+    confirmed_by = "record the same constant speeds forward and backward through the same angles"
+    reference = "Armstrong-Hélouvry 1991, Control of Machines with Friction, Kluwer"
 
-    friction: ClassVar[bool] = True
-    after_change: ClassVar[tuple[str, ...]] = ("friction_change", "offset_change")
-    code: ClassVar[Mapping[str, str]] = {"fva": "abs({v})"}
+    friction = True
+    after_change = ("friction_change", "offset_change")
+    code: ClassVar = {"fva": "abs({v})"}
 
     def terms(self, state: State) -> list[Term]:
         """One column per joint: the size of its speed."""
@@ -171,30 +159,28 @@ class AsymmetricCoulomb(Effect):
         Speed below which the joint counts as standing still, rad/s (m/s).
     """
 
-    id: ClassVar[str] = "asymmetric_coulomb"
-    title: ClassVar[str] = "direction-dependent Coulomb friction"
-    equation: ClassVar[str] = "fca·tanh(|v|/width)"
-    sentence: ClassVar[str] = (
+    id = "asymmetric_coulomb"
+    title = "direction-dependent Coulomb friction"
+    equation = "fca·tanh(|v|/width)"
+    sentence = (
         "the dry friction of {joint} is larger in one direction than in the other; in motion this looks like a torque "
         "offset"
     )
-    looks_like: ClassVar[str] = "a torque offset in motion that vanishes at standstill"
-    confused_with: ClassVar[tuple[str, ...]] = ("offset", "asymmetric_viscous")
-    confirmed_by: ClassVar[str] = (
+    looks_like = "a torque offset in motion that vanishes at standstill"
+    confused_with = ("offset", "asymmetric_viscous")
+    confirmed_by = (
         "hold the joint still in several poses, approached from both sides: a torque offset stays, this friction "
         "vanishes"
     )
-    reference: ClassVar[str] = "Armstrong-Hélouvry 1991, Control of Machines with Friction, Kluwer"
+    reference = "Armstrong-Hélouvry 1991, Control of Machines with Friction, Kluwer"
 
-    friction: ClassVar[bool] = True
-    after_change: ClassVar[tuple[str, ...]] = ("friction_change", "offset_change")
-    same_in_motion: ClassVar[str] = "offset"
-    code: ClassVar[Mapping[str, str]] = {"fca": "tanh(abs({v}) / {width})"}
-
-    dry: ClassVar[bool] = True
-    smooths_sign: ClassVar[bool] = True
-
-    units: ClassVar[Mapping[str, tuple[str, str]]] = {"width": SPEED_UNITS}
+    friction = True
+    after_change = ("friction_change", "offset_change")
+    same_in_motion = "offset"
+    code: ClassVar = {"fca": "tanh(abs({v}) / {width})"}
+    dry = True
+    smooths_sign = True
+    units: ClassVar = {"width": SPEED_UNITS}
 
     width: float = 0.05
 

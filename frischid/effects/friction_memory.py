@@ -12,7 +12,6 @@ Lischinsky 1995, IEEE Trans. Automatic Control 40(3) (the LuGre model, whose slo
 
 from __future__ import annotations
 
-from collections.abc import Mapping
 from dataclasses import dataclass
 from typing import ClassVar
 
@@ -77,32 +76,28 @@ class Hysteresis(Effect):
         Speed over which the sign is smoothed, rad/s (m/s); as in the model's Coulomb friction.
     """
 
-    id: ClassVar[str] = "hysteresis"
-    title: ClassVar[str] = "presliding friction with memory"
-    equation: ClassVar[str] = "fh·(z − tanh(v/width)),  dz/dq = (1 − z·sgn v)/distance"
-    sentence: ClassVar[str] = (
+    id = "hysteresis"
+    title = "presliding friction with memory"
+    equation = "fh·(z − tanh(v/width)),  dz/dq = (1 − z·sgn v)/distance"
+    sentence = (
         "when {joint} reverses, its dry friction changes sign over some distance and not at once: "
         "presliding friction with memory"
     )
-    looks_like: ClassVar[str] = (
-        "after each reversal, an error that depends on the path since the reversal and not on the speed"
-    )
-    confused_with: ClassVar[tuple[str, ...]] = ("stribeck", "coulomb", "backlash", "cable_hose", "time_delay")
-    confirmed_by: ClassVar[str] = (
+    looks_like = "after each reversal, an error that depends on the path since the reversal and not on the speed"
+    confused_with = ("stribeck", "coulomb", "backlash", "cable_hose", "time_delay")
+    confirmed_by = (
         "record tiny slow back-and-forth motions of growing size: the torque drawn against the angle forms loops"
     )
-    reference: ClassVar[str] = "Dahl 1968, Aerospace Corporation TOR-0158; Canudas de Wit et al. 1995, IEEE TAC 40(3)"
+    reference = "Dahl 1968, Aerospace Corporation TOR-0158; Canudas de Wit et al. 1995, IEEE TAC 40(3)"
 
-    friction: ClassVar[bool] = True
-    after_change: ClassVar[tuple[str, ...]] = ("friction_change",)
-    code: ClassVar[Mapping[str, str]] = {"fh": "{z} - tanh({v} / {width})"}
-
-    dry: ClassVar[bool] = True
-    smooths_sign: ClassVar[bool] = True
-    memory: ClassVar[bool] = True
-    shapes: ClassVar[Mapping[str, tuple[float, ...]]] = {"distance": (0.0005, 0.002, 0.006, 0.02, 0.06)}
-
-    units: ClassVar[Mapping[str, tuple[str, str]]] = {"distance": ANGLE_UNITS, "width": SPEED_UNITS}
+    friction = True
+    after_change = ("friction_change",)
+    code: ClassVar = {"fh": "{z} - tanh({v} / {width})"}
+    dry = True
+    smooths_sign = True
+    memory = True
+    shapes: ClassVar = {"distance": (0.0005, 0.002, 0.006, 0.02, 0.06)}
+    units: ClassVar = {"distance": ANGLE_UNITS, "width": SPEED_UNITS}
 
     distance: float = 0.006
     width: float = SIGN_WIDTH
@@ -130,27 +125,23 @@ class CableHose(Effect):
         Path over which the rubbing changes its sign, rad (m): far longer than in a gear.
     """
 
-    id: ClassVar[str] = "cable_hose"
-    title: ClassVar[str] = "cables and hoses: a spring with hysteresis"
-    equation: ClassVar[str] = "kh·q + fz·z,  dz/dq = (1 − z·sgn v)/distance"
-    sentence: ClassVar[str] = (
+    id = "cable_hose"
+    title = "cables and hoses: a spring with hysteresis"
+    equation = "kh·q + fz·z,  dz/dq = (1 − z·sgn v)/distance"
+    sentence = (
         "a torque like that of a spring pulls {joint} back, and is larger on the way out than on the way back: cables "
         "or hoses bend with the joint"
     )
-    looks_like: ClassVar[str] = "the residual drawn against angle is a slanted loop"
-    confused_with: ClassVar[tuple[str, ...]] = ("joint_spring", "hysteresis")
-    confirmed_by: ClassVar[str] = (
-        "record slow sweeps over the whole range, out and back, with the cables and without them"
-    )
-    reference: ClassVar[str] = "Wang, Gondokaryono, Munawar and Fischer 2019, IEEE Robotics and Automation Letters 4(4)"
-    generalises: ClassVar[tuple[str, ...]] = ("joint_spring", "hysteresis")
-    after_change: ClassVar[tuple[str, ...]] = ("offset_change",)
-    code: ClassVar[Mapping[str, str]] = {"kh": "{q}", "fz": "{z}"}
-
-    memory: ClassVar[bool] = True
-    shapes: ClassVar[Mapping[str, tuple[float, ...]]] = {"distance": (0.1, 0.3, 1.0)}
-
-    units: ClassVar[Mapping[str, tuple[str, str]]] = {"distance": ANGLE_UNITS}
+    looks_like = "the residual drawn against angle is a slanted loop"
+    confused_with = ("joint_spring", "hysteresis")
+    confirmed_by = "record slow sweeps over the whole range, out and back, with the cables and without them"
+    reference = "Wang, Gondokaryono, Munawar and Fischer 2019, IEEE Robotics and Automation Letters 4(4)"
+    generalises = ("joint_spring", "hysteresis")
+    after_change = ("offset_change",)
+    code: ClassVar = {"kh": "{q}", "fz": "{z}"}
+    memory = True
+    shapes: ClassVar = {"distance": (0.1, 0.3, 1.0)}
+    units: ClassVar = {"distance": ANGLE_UNITS}
 
     distance: float = 0.3
 

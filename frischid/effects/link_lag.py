@@ -64,7 +64,6 @@ class Gear:
 
     Attributes
     ----------
-    joint : int
     rubbing : float
         Share of the joint's dry friction that acts behind the gear.
     period : float
@@ -239,11 +238,6 @@ class Lag(NamedTuple):
 
 def lags(state: State, gears: Sequence[Gear]) -> Iterator[Lag]:
     """Lags of links behind their motors along a motion; each link is computed as if all other joints were rigid.
-
-    Parameters
-    ----------
-    state : State
-    gears : sequence of Gear
 
     Yields
     ------

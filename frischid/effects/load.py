@@ -14,10 +14,9 @@ manipulators", IEEE ICRA; Hollerbach, Khalil and Gautier 2016, Springer Handbook
 
 from __future__ import annotations
 
-from collections.abc import Mapping
 from dataclasses import dataclass
 from functools import lru_cache
-from typing import ClassVar, Literal, Self
+from typing import ClassVar, Self
 
 import numpy as np
 from numpy.typing import NDArray
@@ -78,26 +77,22 @@ class Payload(Effect):
         True: the columns of the six inertias too.
     """
 
-    id: ClassVar[str] = "payload"
-    title: ClassVar[str] = "payload: an unknown body on a link"
-    equation: ClassVar[str] = "Γ_link·(dm, dmx, dmy, dmz)  (full: also the six inertias)"
-    symbols: ClassVar[Mapping[str, str]] = {
+    id = "payload"
+    title = "payload: an unknown body on a link"
+    equation = "Γ_link·(dm, dmx, dmy, dmz)  (full: also the six inertias)"
+    symbols: ClassVar = {
         "Γ_link": "regressor of the link that holds the load",
         "dm": "identified coefficient: mass",
         "dmx": "identified coefficient: mass times x of its centre; dmy and dmz likewise",
     }
-    sentence: ClassVar[str] = (
-        "the link behind {joint} carries a body that the model does not contain: a payload or tool"
-    )
-    looks_like: ClassVar[str] = (
-        "errors that follow the pose on all joints up to that link, with the largest errors near the link"
-    )
-    confused_with: ClassVar[tuple[str, ...]] = ("gravity_tilt", "drive_gain", "encoder_zero", "joint_spring")
-    confirmed_by: ClassVar[str] = "record the same motion with the body and without it; or weigh the body"
-    reference: ClassVar[str] = "Khalil, Gautier and Lemoine 2007, IEEE ICRA"
+    sentence = "the link behind {joint} carries a body that the model does not contain: a payload or tool"
+    looks_like = "errors that follow the pose on all joints up to that link, with the largest errors near the link"
+    confused_with = ("gravity_tilt", "drive_gain", "encoder_zero", "joint_spring")
+    confirmed_by = "record the same motion with the body and without it; or weigh the body"
+    reference = "Khalil, Gautier and Lemoine 2007, IEEE ICRA"
 
-    single: ClassVar[bool] = True
-    change: ClassVar[bool] = True
+    single = True
+    change = True
 
     full: bool = False
 
@@ -132,27 +127,23 @@ class Payload(Effect):
 class GravityTilt(Effect):
     """The base is tilted by small angles about its two axes that are perpendicular to gravity."""
 
-    id: ClassVar[str] = "gravity_tilt"
-    title: ClassVar[str] = "tilted base"
-    equation: ClassVar[str] = "tilt_x·∂τ/∂g·(g × x) + tilt_y·∂τ/∂g·(g × y)"
-    symbols: ClassVar[Mapping[str, str]] = {
+    id = "gravity_tilt"
+    title = "tilted base"
+    equation = "tilt_x·∂τ/∂g·(g × x) + tilt_y·∂τ/∂g·(g × y)"
+    symbols: ClassVar = {
         "tilt_x": "identified coefficient: angle by which the base is turned about its x axis, as with --base-rpy",
         "tilt_y": "identified coefficient: angle by which the base is turned about its y axis",
         "x": "x axis of the base; of a base on a wall, the first axis across gravity",
         "y": "y axis of the base; of a base on a wall, the second axis across gravity",
     }
-    sentence: ClassVar[str] = (
-        "gravity acts on {joint} in another direction than in the model: the base is slightly tilted"
-    )
-    looks_like: ClassVar[str] = "errors that follow the pose at any speed, also on a first joint with a vertical axis"
-    confused_with: ClassVar[tuple[str, ...]] = ("payload", "encoder_zero", "joint_spring", "offset")
-    confirmed_by: ClassVar[str] = (
-        "put a spirit level on the base; or turn the stretched arm slowly about its first axis"
-    )
-    reference: ClassVar[str] = "Hollerbach, Khalil and Gautier 2016, Springer Handbook of Robotics, chapter 6"
+    sentence = "gravity acts on {joint} in another direction than in the model: the base is slightly tilted"
+    looks_like = "errors that follow the pose at any speed, also on a first joint with a vertical axis"
+    confused_with = ("payload", "encoder_zero", "joint_spring", "offset")
+    confirmed_by = "put a spirit level on the base; or turn the stretched arm slowly about its first axis"
+    reference = "Hollerbach, Khalil and Gautier 2016, Springer Handbook of Robotics, chapter 6"
 
-    loaded: ClassVar[bool] = True
-    candidate: ClassVar[Literal["joint", "robot", "never"]] = "robot"
+    loaded = True
+    candidate = "robot"
 
     def terms(self, state: State) -> list[Term]:
         """One column for each axis about which a tilt changes some torque, rad."""

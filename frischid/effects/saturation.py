@@ -20,7 +20,6 @@ transmission", IEEE Trans. Robotics and Automation 12(3), on the soft windup of 
 
 from __future__ import annotations
 
-from collections.abc import Mapping
 from dataclasses import dataclass
 from typing import ClassVar
 
@@ -41,30 +40,28 @@ class GearPlay(Effect):
         Load at which the torque bends, N·m (N).
     """
 
-    id: ClassVar[str] = "gear_play"
-    title: ClassVar[str] = "gear play under slow load (a torque that bends over the load)"
-    equation: ClassVar[str] = "gl·tanh(τ_rigid/knee)"
-    sentence: ClassVar[str] = (
+    id = "gear_play"
+    title = "gear play under slow load (a torque that bends over the load)"
+    equation = "gl·tanh(τ_rigid/knee)"
+    sentence = (
         "the torque of {joint} bends over the load: it follows a small load and stays the same beyond it. The gear has "
         "play or is soft at small load, or the motor or the torque sensor saturates"
     )
-    looks_like: ClassVar[str] = (
+    looks_like = (
         "the residual drawn against load is a step with rounded edges at zero load, the same at all speeds and in both "
         "directions"
     )
-    confused_with: ClassVar[tuple[str, ...]] = ("backlash", "drive_gain", "offset", "load_friction", "hysteresis")
-    confirmed_by: ClassVar[str] = (
+    confused_with = ("backlash", "drive_gain", "offset", "load_friction", "hysteresis")
+    confirmed_by = (
         "move the joint slowly through the pose where its load is zero, in both directions, without and with a "
         "payload: the step stays at zero load, and does not follow the angle or the direction"
     )
-    reference: ClassVar[str] = "Nordin and Gutman 2002, Automatica 38(10)"
+    reference = "Nordin and Gutman 2002, Automatica 38(10)"
 
-    loaded: ClassVar[bool] = True
-    code: ClassVar[Mapping[str, str]] = {"gl": "tanh({load} / {knee})"}
-    shapes: ClassVar[Mapping[str, tuple[float, ...]]] = {
-        "knee": (0.03, 0.1, 0.3, 0.8, 2.0, 5.0, 13.0, 35.0, 100.0),
-    }
-    units: ClassVar[Mapping[str, tuple[str, str]]] = {"knee": TORQUE_PAIR}
+    loaded = True
+    code: ClassVar = {"gl": "tanh({load} / {knee})"}
+    shapes: ClassVar = {"knee": (0.03, 0.1, 0.3, 0.8, 2.0, 5.0, 13.0, 35.0, 100.0)}
+    units: ClassVar = {"knee": TORQUE_PAIR}
 
     knee: float = 10.0
 

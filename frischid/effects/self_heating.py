@@ -18,7 +18,6 @@ Legnani and Visioli 2015, "Friction modeling with temperature effects for indust
 
 from __future__ import annotations
 
-from collections.abc import Mapping
 from dataclasses import dataclass
 from typing import ClassVar
 
@@ -85,35 +84,29 @@ class SelfHeating(Effect):
         Speed over which the sign is smoothed, rad/s (m/s).
     """
 
-    id: ClassVar[str] = "self_heating"
-    title: ClassVar[str] = "friction that changes with the joint's own heat"
-    equation: ClassVar[str] = "(fvh·v + fch·tanh(v/width))·h,  dh/dt = (|v|^exponent − h)/constant"
-    sentence: ClassVar[str] = (
+    id = "self_heating"
+    title = "friction that changes with the joint's own heat"
+    equation = "(fvh·v + fch·tanh(v/width))·h,  dh/dt = (|v|^exponent − h)/constant"
+    sentence = (
         "the friction of {joint} changes with the heat of its own motion: after fast motion the friction is not the "
         "same as after slow motion"
     )
-    looks_like: ClassVar[str] = (
-        "the step and the slope of the friction shrink (or grow) after fast motion, and return in slow motion"
-    )
-    confused_with: ClassVar[tuple[str, ...]] = ("thermal_drift", "viscous", "coulomb", "cubic_viscous")
-    confirmed_by: ClassVar[str] = (
+    looks_like = "the step and the slope of the friction shrink (or grow) after fast motion, and return in slow motion"
+    confused_with = ("thermal_drift", "viscous", "coulomb", "cubic_viscous")
+    confirmed_by = (
         "move the joint slowly, then fast for a few minutes, then slowly again: the two slow parts have different "
         "friction"
     )
-    reference: ClassVar[str] = "Bittencourt and Axelsson 2014, IEEE/ASME Trans. Mechatronics 19(5)"
+    reference = "Bittencourt and Axelsson 2014, IEEE/ASME Trans. Mechatronics 19(5)"
 
-    friction: ClassVar[bool] = True
-    after_change: ClassVar[tuple[str, ...]] = ("friction_change",)
-    code: ClassVar[Mapping[str, str]] = {"fvh": "{v} * {heat}", "fch": "tanh({v} / {width}) * {heat}"}
-
-    dry: ClassVar[bool] = True
-    smooths_sign: ClassVar[bool] = True
-    memory: ClassVar[bool] = True
-    shapes: ClassVar[Mapping[str, tuple[float, ...]]] = {
-        "constant": (10.0, 30.0, 100.0, 300.0, 1000.0),
-        "exponent": (1.0, 2.0),
-    }
-    units: ClassVar[Mapping[str, tuple[str, str]]] = {"constant": TIME_UNITS, "width": SPEED_UNITS}
+    friction = True
+    after_change = ("friction_change",)
+    code: ClassVar = {"fvh": "{v} * {heat}", "fch": "tanh({v} / {width}) * {heat}"}
+    dry = True
+    smooths_sign = True
+    memory = True
+    shapes: ClassVar = {"constant": (10.0, 30.0, 100.0, 300.0, 1000.0), "exponent": (1.0, 2.0)}
+    units: ClassVar = {"constant": TIME_UNITS, "width": SPEED_UNITS}
 
     constant: float = 100.0
     exponent: float = 2.0

@@ -13,7 +13,6 @@ Mooring, Roth and Driels 1991, Fundamentals of Manipulator Calibration, Wiley.
 from __future__ import annotations
 
 import dataclasses
-from collections.abc import Mapping
 from dataclasses import dataclass
 from typing import ClassVar, Self
 
@@ -31,21 +30,21 @@ from frischid.robot.robot import Robot
 class DriveGain(Effect):
     """A torque channel with a wrong scale, ``1 + gain``: a wrong motor constant or gear ratio."""
 
-    id: ClassVar[str] = "drive_gain"
-    title: ClassVar[str] = "mis-scaled torque channel"
-    equation: ClassVar[str] = "gain·τ_model"
-    sentence: ClassVar[str] = (
+    id = "drive_gain"
+    title = "mis-scaled torque channel"
+    equation = "gain·τ_model"
+    sentence = (
         "the torque of {joint} is too large or too small by a constant factor: the motor constant, the current scale "
         "or the gear ratio is wrong"
     )
-    looks_like: ClassVar[str] = "the residual is a copy of the torque itself, on this joint only"
-    confused_with: ClassVar[tuple[str, ...]] = ("payload", "load_friction", "time_delay")
-    confirmed_by: ClassVar[str] = "put a known weight on the link: the torque must change by the torque of that weight"
-    reference: ClassVar[str] = "Gautier and Briot 2014, ASME J. Dynamic Systems, Measurement and Control 136(5)"
+    looks_like = "the residual is a copy of the torque itself, on this joint only"
+    confused_with = ("payload", "load_friction", "time_delay")
+    confirmed_by = "put a known weight on the link: the torque must change by the torque of that weight"
+    reference = "Gautier and Briot 2014, ASME J. Dynamic Systems, Measurement and Control 136(5)"
 
-    of_recording: ClassVar[bool] = True
-    loaded: ClassVar[bool] = True
-    code: ClassVar[Mapping[str, str]] = {"gain": "{torque}"}
+    of_recording = True
+    loaded = True
+    code: ClassVar = {"gain": "{torque}"}
 
     def terms(self, state: State) -> list[Term]:
         """One column per joint: its torque."""
@@ -63,33 +62,28 @@ class TimeDelay(Effect):
         close to `size`.
     """
 
-    id: ClassVar[str] = "time_delay"
-    title: ClassVar[str] = "delay between torque and position"
-    equation: ClassVar[str] = "delay·(τ_model(t − size) − τ_model(t))/size"
-    symbols: ClassVar[Mapping[str, str]] = {
+    id = "time_delay"
+    title = "delay between torque and position"
+    equation = "delay·(τ_model(t − size) − τ_model(t))/size"
+    symbols: ClassVar = {
         "delay": "identified coefficient: time by which the torque is late; negative where it is early",
     }
-    sentence: ClassVar[str] = (
+    sentence = (
         "the torque of {joint} is recorded later than the position (earlier, if the delay is negative): the channels "
         "are shifted"
     )
-    looks_like: ClassVar[str] = (
-        "an error like the time derivative of the torque, largest where the torque changes fastest"
-    )
-    confused_with: ClassVar[tuple[str, ...]] = ("viscous", "elasticity", "rotor_inertia", "hysteresis")
-    confirmed_by: ClassVar[str] = (
-        "record a sudden step of one joint and compare the times at which the two channels move"
-    )
-    reference: ClassVar[str] = "Leboutet, Roux, Janot, Guadarrama-Olvera and Cheng 2021, Applied Sciences 11(9)"
+    looks_like = "an error like the time derivative of the torque, largest where the torque changes fastest"
+    confused_with = ("viscous", "elasticity", "rotor_inertia", "hysteresis")
+    confirmed_by = "record a sudden step of one joint and compare the times at which the two channels move"
+    reference = "Leboutet, Roux, Janot, Guadarrama-Olvera and Cheng 2021, Applied Sciences 11(9)"
 
-    memory: ClassVar[bool] = True
-    least: ClassVar[float] = 5e-4  # s: half a period of the usual torque loop, the rounding of a time stamp
-    internal: ClassVar[tuple[str, ...]] = ("size",)
-    of_recording: ClassVar[bool] = True
-    loaded: ClassVar[bool] = True
-    shapes: ClassVar[Mapping[str, tuple[float, ...]]] = {"size": (-0.03, -0.003, 0.003, 0.01, 0.03, 0.1)}
-
-    units: ClassVar[Mapping[str, tuple[str, str]]] = {"size": TIME_UNITS}
+    memory = True
+    least = 5e-4  # s: half a period of the usual torque loop, the rounding of a time stamp
+    internal = ("size",)
+    of_recording = True
+    loaded = True
+    shapes: ClassVar = {"size": (-0.03, -0.003, 0.003, 0.01, 0.03, 0.1)}
+    units: ClassVar = {"size": TIME_UNITS}
 
     size: float = 0.003
 
@@ -120,23 +114,19 @@ class TimeDelay(Effect):
 class EncoderZero(Effect):
     """An encoder zero with a small error: the arm's true pose differs from the log's."""
 
-    id: ClassVar[str] = "encoder_zero"
-    title: ClassVar[str] = "shifted encoder zero"
-    equation: ClassVar[str] = "−zero·∂τ_rigid/∂q"
-    symbols: ClassVar[Mapping[str, str]] = {
+    id = "encoder_zero"
+    title = "shifted encoder zero"
+    equation = "−zero·∂τ_rigid/∂q"
+    symbols: ClassVar = {
         "zero": "identified coefficient: offset of the encoder's zero",
     }
-    sentence: ClassVar[str] = (
-        "the angle of {joint} has a constant error: the encoder was zeroed at a wrong angle, or slipped"
-    )
-    looks_like: ClassVar[str] = (
-        "errors that follow the pose, on this joint and on the joints that it turns against gravity"
-    )
-    confused_with: ClassVar[tuple[str, ...]] = ("gravity_tilt", "payload", "offset")
-    confirmed_by: ClassVar[str] = "drive the joint to its mechanical mark and read the angle"
-    reference: ClassVar[str] = "Mooring, Roth and Driels 1991, Fundamentals of Manipulator Calibration, Wiley"
+    sentence = "the angle of {joint} has a constant error: the encoder was zeroed at a wrong angle, or slipped"
+    looks_like = "errors that follow the pose, on this joint and on the joints that it turns against gravity"
+    confused_with = ("gravity_tilt", "payload", "offset")
+    confirmed_by = "drive the joint to its mechanical mark and read the angle"
+    reference = "Mooring, Roth and Driels 1991, Fundamentals of Manipulator Calibration, Wiley"
 
-    loaded: ClassVar[bool] = True
+    loaded = True
 
     def terms(self, state: State) -> list[Term]:
         """One column per joint whose angle changes some torque: minus the derivative of the torque by that angle."""

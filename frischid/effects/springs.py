@@ -17,9 +17,8 @@ Source: Arakelian 2016, "Gravity compensation in robotics", Advanced Robotics 30
 
 from __future__ import annotations
 
-from collections.abc import Mapping
 from dataclasses import dataclass
-from typing import ClassVar, Literal, Self
+from typing import ClassVar, Self
 
 import numpy as np
 
@@ -50,28 +49,24 @@ class JointSpring(Effect):
         ``"curve"``: four harmonics.
     """
 
-    id: ClassVar[str] = "joint_spring"
-    title: ClassVar[str] = "spring or counterbalance on a joint"
-    equation: ClassVar[str] = (
+    id = "joint_spring"
+    title = "spring or counterbalance on a joint"
+    equation = (
         "ks·q (no torque at q = −off/ks); cubic: bq·q + bqq·q² + bqqq·q³; "
         "periodic: bs·sin q + bc·cos q + bss·sin 2q + bcc·cos 2q; "
         "curve: periodic + bsss·sin 3q + bccc·cos 3q + bssss·sin 4q + bcccc·cos 4q"
     )
-    symbols: ClassVar[Mapping[str, str]] = {
+    symbols: ClassVar = {
         "off": "offset of the joint, an effect of its own",
     }
-    sentence: ClassVar[str] = (
-        "a torque acts on {joint} that depends on the angle of the joint alone: a spring or a counterbalance"
-    )
-    looks_like: ClassVar[str] = "the residual drawn against the joint's angle is a line or a smooth curve"
-    confused_with: ClassVar[tuple[str, ...]] = ("cable_hose", "payload", "gravity_tilt", "cogging", "offset")
-    confirmed_by: ClassVar[str] = (
-        "hold the joint still at several angles over its range, with the other joints in different poses"
-    )
-    reference: ClassVar[str] = "Arakelian 2016, Advanced Robotics 30(2)"
+    sentence = "a torque acts on {joint} that depends on the angle of the joint alone: a spring or a counterbalance"
+    looks_like = "the residual drawn against the joint's angle is a line or a smooth curve"
+    confused_with = ("cable_hose", "payload", "gravity_tilt", "cogging", "offset")
+    confirmed_by = "hold the joint still at several angles over its range, with the other joints in different poses"
+    reference = "Arakelian 2016, Advanced Robotics 30(2)"
 
-    after_change: ClassVar[tuple[str, ...]] = ("offset_change",)
-    code: ClassVar[Mapping[str, str]] = {
+    after_change = ("offset_change",)
+    code: ClassVar = {
         "ks": "{q}",
         "bs": "sin({q})",
         "bc": "cos({q})",
@@ -156,32 +151,30 @@ class Counterbalance(Effect):
         Angle at which both ends and the axis lie on one line, rad.
     """
 
-    id: ClassVar[str] = "counterbalance"
-    title: ClassVar[str] = "counterbalance of known geometry: a gas or hydraulic cylinder"
-    equation: ClassVar[str] = "cp·sin(q − rest)/ℓ + cs·sin(q − rest),  ℓ = √(1 + ratio² − 2·ratio·cos(q − rest))"
-    symbols: ClassVar[Mapping[str, str]] = {
+    id = "counterbalance"
+    title = "counterbalance of known geometry: a gas or hydraulic cylinder"
+    equation = "cp·sin(q − rest)/ℓ + cs·sin(q − rest),  ℓ = √(1 + ratio² − 2·ratio·cos(q − rest))"
+    symbols: ClassVar = {
         "ℓ": "length of the cylinder over the distance of its end from the axis",
     }
-    sentence: ClassVar[str] = (
+    sentence = (
         "a cylinder on a lever carries part of the weight at {joint}, with a constant force and the force of a spring"
     )
-    looks_like: ClassVar[str] = (
+    looks_like = (
         "the residual drawn against the joint's angle is an arch that is not symmetric, the same at every speed"
     )
-    confused_with: ClassVar[tuple[str, ...]] = ("joint_spring", "payload", "gravity_tilt")
-    confirmed_by: ClassVar[str] = (
+    confused_with = ("joint_spring", "payload", "gravity_tilt")
+    confirmed_by = (
         "hold the joint still at several angles over its range, with the links after it folded, then stretched"
     )
-    reference: ClassVar[str] = "Arakelian 2016, Advanced Robotics 30(2)"
+    reference = "Arakelian 2016, Advanced Robotics 30(2)"
 
-    code: ClassVar[Mapping[str, str]] = {
+    code: ClassVar = {
         "cp": "sin({q} - {rest}) / sqrt(max(1.0 + {ratio} * {ratio} - 2.0 * {ratio} * cos({q} - {rest}), 1e-9))",
         "cs": "sin({q} - {rest})",
     }
-
-    candidate: ClassVar[Literal["joint", "robot", "never"]] = "never"  # joint_spring's periodic form finds it
-
-    units: ClassVar[Mapping[str, tuple[str, str]]] = {"rest": ANGLE_UNITS}
+    candidate = "never"  # joint_spring's periodic form finds it
+    units: ClassVar = {"rest": ANGLE_UNITS}
 
     ratio: float = 0.3
     rest: float = 0.0

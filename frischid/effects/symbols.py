@@ -45,10 +45,6 @@ _COEFFICIENT = "identified coefficient"
 def symbols_of(kind: type[Effect]) -> dict[str, str]:
     """The symbols of an effect's equation and what they stand for, in the order of the equation.
 
-    Parameters
-    ----------
-    kind : type of Effect
-
     Examples
     --------
     >>> import frischid as fr

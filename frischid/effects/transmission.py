@@ -46,25 +46,25 @@ class RotorInertia(Effect):
         Gear ratio (motor turns per joint turn); used by the full form only.
     """
 
-    id: ClassVar[str] = "rotor_inertia"
-    title: ClassVar[str] = "reflected rotor inertia"
-    equation: ClassVar[str] = "Ia·a  (coupled: Im·(ratio²·a + ratio·z·ω̇) and its reaction on the rows before)"
-    symbols: ClassVar[Mapping[str, str]] = {
+    id = "rotor_inertia"
+    title = "reflected rotor inertia"
+    equation = "Ia·a  (coupled: Im·(ratio²·a + ratio·z·ω̇) and its reaction on the rows before)"
+    symbols: ClassVar = {
         "Im": "identified coefficient: the rotor's inertia on the motor's side",
         "ω̇": "angular acceleration of the link that carries the motor",
         "z": "axis of the motor",
     }
-    sentence: ClassVar[str] = (
+    sentence = (
         "{joint} needs torque in proportion to its acceleration, in addition to the torque for its links: rotor inertia"
     )
-    looks_like: ClassVar[str] = "the residual drawn against acceleration is a straight line through zero"
-    confused_with: ClassVar[tuple[str, ...]] = ("payload", "elasticity", "time_delay")
-    confirmed_by: ClassVar[str] = (
+    looks_like = "the residual drawn against acceleration is a straight line through zero"
+    confused_with = ("payload", "elasticity", "time_delay")
+    confirmed_by = (
         "record fast oscillations of this joint alone, in poses with different inertia of the links about this joint"
     )
-    reference: ClassVar[str] = "Sciavicco, Siciliano and Villani 1996, Robotica 14(4); Featherstone 2008, sec. 9.6"
+    reference = "Sciavicco, Siciliano and Villani 1996, Robotica 14(4); Featherstone 2008, sec. 9.6"
 
-    code: ClassVar[Mapping[str, str]] = {"Ia": "{a}"}
+    code: ClassVar = {"Ia": "{a}"}
 
     coupled: bool = False
     ratio: float = 1.0
@@ -100,27 +100,25 @@ class Cogging(Effect):
         Ripples per turn of the joint (rad/m for a sliding joint).
     """
 
-    id: ClassVar[str] = "cogging"
-    title: ClassVar[str] = "cogging and gear ripple"
-    equation: ClassVar[str] = "A·sin(N·q) + B·cos(N·q)"
-    symbols: ClassVar[Mapping[str, str]] = {
+    id = "cogging"
+    title = "cogging and gear ripple"
+    equation = "A·sin(N·q) + B·cos(N·q)"
+    symbols: ClassVar = {
         "N": "ripples per turn, the shape parameter order",
     }
-    sentence: ClassVar[str] = (
+    sentence = (
         "the torque of {joint} ripples with the angle, because of the motor's magnets (cogging) or the gear's teeth"
     )
-    looks_like: ClassVar[str] = "the residual drawn against angle is a regular wave, the same in both directions"
-    confused_with: ClassVar[tuple[str, ...]] = ("joint_spring", "payload")
-    confirmed_by: ClassVar[str] = "record one slow turn at constant speed, with many samples per ripple"
-    reference: ClassVar[str] = "Holtz and Springob 1996, IEEE Trans. Industrial Electronics 43(2)"
+    looks_like = "the residual drawn against angle is a regular wave, the same in both directions"
+    confused_with = ("joint_spring", "payload")
+    confirmed_by = "record one slow turn at constant speed, with many samples per ripple"
+    reference = "Holtz and Springob 1996, IEEE Trans. Industrial Electronics 43(2)"
 
-    code: ClassVar[Mapping[str, str]] = {"A": "sin({order} * {q})", "B": "cos({order} * {q})"}
-
-    shapes: ClassVar[Mapping[str, tuple[float, ...]]] = {
+    code: ClassVar = {"A": "sin({order} * {q})", "B": "cos({order} * {q})"}
+    shapes: ClassVar = {
         "order": tuple(map(float, [*range(3, 64), *range(64, 202, 2)])),
     }
-
-    units: ClassVar[Mapping[str, tuple[str, str]]] = {"order": ("per turn", "rad/m")}
+    units: ClassVar = {"order": ("per turn", "rad/m")}
 
     order: float = 12.0
 
@@ -156,12 +154,10 @@ class JointCoupling(Effect):
         turning and a sliding joint, as on the splined screw of a SCARA, it is in rad/m: ±2π/lead of the screw.
     """
 
-    id: ClassVar[str] = "joint_coupling"
-    title: ClassVar[str] = "coupled joints: one motor turns with two"
-    equation: ClassVar[str] = (
-        "f = fvm·ṡ + fcm·tanh(ṡ/width) + Iam·s̈ on joint i, ratio·f on joint j,  s = q_i + ratio·q_j"
-    )
-    symbols: ClassVar[Mapping[str, str]] = {
+    id = "joint_coupling"
+    title = "coupled joints: one motor turns with two"
+    equation = "f = fvm·ṡ + fcm·tanh(ṡ/width) + Iam·s̈ on joint i, ratio·f on joint j,  s = q_i + ratio·q_j"
+    symbols: ClassVar = {
         "f": "torque of the shared motor",
         "fvm": "identified coefficient: viscous friction",
         "fcm": "identified coefficient: dry friction",
@@ -169,21 +165,20 @@ class JointCoupling(Effect):
         "s": "motion of the motor",
         "width": "speed over which the sign is smoothed, rad/s (m/s)",
     }
-    sentence: ClassVar[str] = (
+    sentence = (
         "the torques of {joints} depend on the motion of both joints: one motor turns with both, as in many wrists, "
         "and its friction and inertia load both"
     )
-    looks_like: ClassVar[str] = "each of two joints needs torque when only the other moves"
-    confused_with: ClassVar[tuple[str, ...]] = ("coulomb", "viscous", "rotor_inertia")
-    confirmed_by: ClassVar[str] = (
+    looks_like = "each of two joints needs torque when only the other moves"
+    confused_with = ("coulomb", "viscous", "rotor_inertia")
+    confirmed_by = (
         "hold the first joint and move the second: the torque of the first joint follows the motion of the second"
     )
-    reference: ClassVar[str] = "Janot, Vandanjon and Gautier 2014, IEEE Trans. Control Systems Technology 22(1)"
+    reference = "Janot, Vandanjon and Gautier 2014, IEEE Trans. Control Systems Technology 22(1)"
 
-    dry: ClassVar[bool] = True
-    smooths_sign: ClassVar[bool] = True
-
-    units: ClassVar[Mapping[str, tuple[str, str]]] = {"width": SPEED_UNITS}
+    dry = True
+    smooths_sign = True
+    units: ClassVar = {"width": SPEED_UNITS}
 
     ratio: float = 1.0
     width: float = SIGN_WIDTH

@@ -46,7 +46,6 @@ def torque_unit(robot: Robot, joint: int, per: str | UnitPair = "") -> str:
 
     Parameters
     ----------
-    robot : Robot
     joint : int
         Index of the joint.
     per : str or pair of str

@@ -42,8 +42,8 @@ class Warming(Effect):
         Temperature at which the model's other parameters hold, °C.
     """
 
-    shapes: ClassVar[Mapping[str, tuple[float, ...]]] = {"constant": (10.0, 30.0, 100.0, 300.0, 1000.0)}
-    units: ClassVar[Mapping[str, tuple[str, str]]] = {"constant": TIME_UNITS, "at": TEMPERATURE_UNITS}
+    shapes: ClassVar = {"constant": (10.0, 30.0, 100.0, 300.0, 1000.0)}
+    units: ClassVar = {"constant": TIME_UNITS, "at": TEMPERATURE_UNITS}
 
     constant: float = 300.0
     by: str = "time"
@@ -99,34 +99,28 @@ class ThermalDrift(Warming):
         Speed over which the sign is smoothed, rad/s (m/s).
     """
 
-    id: ClassVar[str] = "thermal_drift"
-    title: ClassVar[str] = "friction that changes with temperature"
-    equation: ClassVar[str] = "(fvt·v + fct·tanh(v/width))·(1 − exp(−t/constant)), or ·(temperature − at)"
-    sentence: ClassVar[str] = (
+    id = "thermal_drift"
+    title = "friction that changes with temperature"
+    equation = "(fvt·v + fct·tanh(v/width))·(1 − exp(−t/constant)), or ·(temperature − at)"
+    sentence = (
         "the friction of {joint} changes from the beginning of the log to its end: the joint warms up (or cools down)"
     )
-    looks_like: ClassVar[str] = (
-        "the step and the slope of the friction shrink (or grow) steadily from the beginning to the end"
-    )
-    confused_with: ClassVar[tuple[str, ...]] = ("self_heating", "viscous", "coulomb", "torque_drift")
-    confirmed_by: ClassVar[str] = (
-        "start cold and repeat one motion for half an hour; if possible, record the joint's temperature too"
-    )
-    reference: ClassVar[str] = "Bittencourt, Wernholt, Sander-Tavallaey and Brogårdh 2010, IEEE/RSJ IROS"
+    looks_like = "the step and the slope of the friction shrink (or grow) steadily from the beginning to the end"
+    confused_with = ("self_heating", "viscous", "coulomb", "torque_drift")
+    confirmed_by = "start cold and repeat one motion for half an hour; if possible, record the joint's temperature too"
+    reference = "Bittencourt, Wernholt, Sander-Tavallaey and Brogårdh 2010, IEEE/RSJ IROS"
 
-    friction: ClassVar[bool] = True
-    after_change: ClassVar[tuple[str, ...]] = ("friction_change",)
-    code: ClassVar[Mapping[str, str]] = {
+    friction = True
+    after_change = ("friction_change",)
+    code: ClassVar = {
         "fvt": "{v} * -expm1(-{t} / {constant})",
         "fct": "tanh({v} / {width}) * -expm1(-{t} / {constant})",
         "fvT": "{v} * ({temperature} - {at})",
         "fcT": "tanh({v} / {width}) * ({temperature} - {at})",
     }
-
-    dry: ClassVar[bool] = True
-    smooths_sign: ClassVar[bool] = True
-
-    units: ClassVar[Mapping[str, tuple[str, str]]] = {**Warming.units, "width": SPEED_UNITS}
+    dry = True
+    smooths_sign = True
+    units: ClassVar = {**Warming.units, "width": SPEED_UNITS}
 
     width: float = SIGN_WIDTH
 
@@ -148,23 +142,23 @@ class ThermalDrift(Warming):
 class TorqueDrift(Warming):
     """A torque whose zero moves as the joint warms up: a torque sensor in the joint, or a current sensor."""
 
-    id: ClassVar[str] = "torque_drift"
-    title: ClassVar[str] = "torque zero that drifts"
-    equation: ClassVar[str] = "offt·(1 − exp(−t/constant)), or offT·(temperature − at)"
-    sentence: ClassVar[str] = (
+    id = "torque_drift"
+    title = "torque zero that drifts"
+    equation = "offt·(1 − exp(−t/constant)), or offT·(temperature − at)"
+    sentence = (
         "the zero of {joint}'s torque moves from the beginning of the log to its end, whatever the joint does: the "
         "torque sensor or the current sensor warms up (or cools down)"
     )
-    looks_like: ClassVar[str] = "the residual drawn against time is a slow curve, the same at rest and in motion"
-    confused_with: ClassVar[tuple[str, ...]] = ("thermal_drift", "offset", "joint_spring")
-    confirmed_by: ClassVar[str] = (
+    looks_like = "the residual drawn against time is a slow curve, the same at rest and in motion"
+    confused_with = ("thermal_drift", "offset", "joint_spring")
+    confirmed_by = (
         "switch on, hold one pose for half an hour and record the torque; tare the sensor when the joint is warm"
     )
-    reference: ClassVar[str] = "Albu-Schäffer et al. 2007, Industrial Robot 34(5)"
+    reference = "Albu-Schäffer et al. 2007, Industrial Robot 34(5)"
 
-    of_recording: ClassVar[bool] = True
-    after_change: ClassVar[tuple[str, ...]] = ("offset_change",)
-    code: ClassVar[Mapping[str, str]] = {
+    of_recording = True
+    after_change = ("offset_change",)
+    code: ClassVar = {
         "offt": "-expm1(-{t} / {constant})",
         "offT": "({temperature} - {at})",
     }

@@ -59,15 +59,6 @@ HISTORY = 2000
 class Calibration:
     """How far the calibrated variant widens the vertices.
 
-    Attributes
-    ----------
-    confidence : float
-        Joint confidence of all the bounds.
-    correlation : int, optional
-        Length in rows of the blocks that count as independent. By default twice the lag at which the autocorrelation
-        of the slowest regression residual vanishes, but between 1/64 and 1/8 of a window, so that 8 to 64 blocks show
-        their scatter.
-
     Raises
     ------
     InputError
@@ -75,7 +66,11 @@ class Calibration:
     """
 
     confidence: float = 0.95
+    """Joint confidence of all the bounds."""
     correlation: int | None = None
+    """Length in rows of the blocks that count as independent. By default twice the lag at which the autocorrelation of
+    the slowest regression residual vanishes, but between 1/64 and 1/8 of a window, so that 8 to 64 blocks show their
+    scatter."""
 
     def __post_init__(self) -> None:
         if not 0 < self.confidence < 1:
@@ -96,46 +91,32 @@ class Emptied(NamedTuple):
 
 @dataclass(frozen=True, eq=False)
 class Recursion:
-    """Result of the recursion.
-
-    Attributes
-    ----------
-    names : tuple of str
-        The p parameters.
-    variant : {"strict", "undo", "calibrated"}
-        Variant of the recursion.
-    box : Box or None
-        The last box; None when a window emptied it.
-    steps : ndarray of int, shape (n_steps,)
-        Windows of the histories' rows: all, or evenly spaced ones (and the last) of more than `HISTORY`.
-    lower, upper : ndarray, shape (n_steps, p)
-        Histories of the bounds; they never widen, and end before the window that emptied the box.
-    windows : int
-        Number of windows.
-    skipped : int
-        Windows with singular moments: no motion, or no noise at all. They do not change the bounds.
-    undone : int
-        Windows left out because they would have emptied the box (``"undo"`` only).
-    same_orthant : int
-        Windows whose vertices (widened ones if calibrated) share an orthant, so that Theorem 1 applies.
-    emptied : Emptied or None
-        Parameter and window at which the bounds crossed, if they did.
-    correlation : int
-        Rows that count as correlated; 1 unless calibrated.
-    """
+    """Result of the recursion."""
 
     names: tuple[str, ...]
+    """The p parameters."""
     variant: Variant
+    """Variant of the recursion."""
     box: Box | None
+    """The last box; None when a window emptied it."""
     steps: NDArray[np.int64]
+    """Windows of the histories' rows, (n_steps,): all, or evenly spaced ones (and the last) of more than `HISTORY`."""
     lower: Array
     upper: Array
+    """`lower`, `upper`: Histories of the bounds, (n_steps, p); they never widen, and end before the window that emptied
+    the box."""
     windows: int
+    """Number of windows."""
     skipped: int
+    """Windows with singular moments: no motion, or no noise at all. They do not change the bounds."""
     undone: int
+    """Windows left out because they would have emptied the box (``"undo"`` only)."""
     same_orthant: int
+    """Windows whose vertices (widened ones if calibrated) share an orthant, so that Theorem 1 applies."""
     emptied: Emptied | None
+    """Parameter and window at which the bounds crossed, if they did."""
     correlation: int
+    """Rows that count as correlated; 1 unless calibrated."""
 
     def require_box(self) -> Box:
         """Return the last box, or raise the EmptyBoxError that says which window emptied it."""

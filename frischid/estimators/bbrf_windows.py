@@ -42,18 +42,12 @@ class Extents(NamedTuple):
 
 
 class Batch(NamedTuple):
-    """Windows that follow one another.
-
-    Attributes
-    ----------
-    moments : ndarray, shape (n, p + 1, p + 1)
-        Mean moments of each window.
-    changes : ndarray, shape (n − 1, 2 stride, p + 1)
-        Rows that enter each window but the first, then rows that leave.
-    """
+    """Windows that follow one another."""
 
     moments: Array
+    """Mean moments of each window, (n, p + 1, p + 1)."""
     changes: Array
+    """Rows that enter each window but the first, then rows that leave, (n − 1, 2 stride, p + 1)."""
 
 
 def window_moments(rows: Array, window: int, stride: int) -> Iterator[Batch]:

@@ -31,30 +31,20 @@ KKT_TOLERANCE = 1e-8
 
 @dataclass(frozen=True, eq=False)
 class Selection:
-    """The parameters chosen in a box, and how well they satisfy the optimality conditions.
-
-    Attributes
-    ----------
-    names : tuple of str
-        The p parameters.
-    theta : ndarray, shape (p,)
-        The minimiser, in the parameters' units; inside the box exactly.
-    primal : float
-        Largest amount by which ProxQP's own iterate left the box, in scaled units.
-    dual : float
-        ``max_i |φ − clip(φ − ∇f(φ), l, u)|`` of the scaled problem: zero at the minimiser and nowhere else.
-    at_bound : tuple of str
-        Parameters that lie on a bound: there the data fit better outside the box.
-    iterations : int
-        Iterations ProxQP took.
-    """
+    """The parameters chosen in a box, and how well they satisfy the optimality conditions."""
 
     names: tuple[str, ...]
+    """The p parameters."""
     theta: Array
+    """The minimiser, in the parameters' units, (p,); inside the box exactly."""
     primal: float
+    """Largest amount by which ProxQP's own iterate left the box, in scaled units."""
     dual: float
+    """``max_i |φ − clip(φ − ∇f(φ), l, u)|`` of the scaled problem: zero at the minimiser and nowhere else."""
     at_bound: tuple[str, ...]
+    """Parameters that lie on a bound: there the data fit better outside the box."""
     iterations: int
+    """Iterations ProxQP took."""
 
 
 def select(moments: Array, box: Box, ridge: float | Array = 0.0) -> Selection:
@@ -68,10 +58,6 @@ def select(moments: Array, box: Box, ridge: float | Array = 0.0) -> Selection:
         Bounds of the p parameters; infinite ones are allowed.
     ridge : float or ndarray, shape (p,)
         ρ above, a pure number, or one for each parameter; 0 is plain least squares within the box.
-
-    Returns
-    -------
-    Selection
 
     Raises
     ------

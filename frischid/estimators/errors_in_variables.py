@@ -54,41 +54,28 @@ EIV_BLOCKS = 64
 
 @dataclass(frozen=True, eq=False)
 class Samples:
-    """A stretch of M samples of states, columns and torques, and how wrong the states are.
-
-    Attributes
-    ----------
-    columns : callable
-        States (M, S) -> columns (M, p + 1, R): the p parameters', and the torque known outright.
-    state : ndarray, shape (M, S)
-        What was measured, such as [q v a].
-    Y : ndarray, shape (M, p + 1, R)
-        The measured columns of the R torque rows, filtered.
-    tau : ndarray, shape (M, R)
-        Measured torque, N·m (N).
-    used : ndarray of bool, shape (M, R)
-    directions : ndarray, shape (D, S)
-        Rows l_d with ``Σ_d l_d l_dᵀ`` the covariance of a state's errors.
-    ratios : ndarray, shape (D,)
-        Variance before the filter over this one; the unfiltered errors acted on Y.
-    torque : ndarray, shape (R,)
-        Standard deviation of the torque's noise.
-    dry : ndarray of bool, shape (p,)
-        Columns without a derivative.
-    torque_given : bool
-        Whether `torque` is exact and not raised.
-    """
+    """A stretch of M samples of states, columns and torques, and how wrong the states are."""
 
     columns: Callable[[Array], Array]
+    """States (M, S) -> columns (M, p + 1, R): the p parameters', and the torque known outright."""
     state: Array
+    """What was measured, such as [q v a], (M, S)."""
     Y: Array
+    """The measured columns of the R torque rows, filtered, (M, p + 1, R)."""
     tau: Array
+    """Measured torque, N·m (N), (M, R)."""
     used: NDArray[np.bool_]
+    """Shape (M, R)."""
     directions: Array
+    """Rows l_d with ``Σ_d l_d l_dᵀ`` the covariance of a state's errors, (D, S)."""
     ratios: Array
+    """Variance before the filter over this one, (D,); the unfiltered errors acted on Y."""
     torque: Array
+    """Standard deviation of the torque's noise, (R,)."""
     dry: NDArray[np.bool_]
+    """Columns without a derivative, (p,)."""
     torque_given: bool
+    """Whether `torque` is exact and not raised."""
 
 
 class _Stretch:
@@ -193,10 +180,6 @@ def eiv(
         Joints of the R torque rows.
     iterations : int
         Iterations of linearising, solving and correcting the states; the third changes little.
-
-    Returns
-    -------
-    Estimate
 
     Raises
     ------

@@ -55,10 +55,8 @@ def dry_friction(
 
     Parameters
     ----------
-    robot : Robot
     motions : sequence of Motion
         Their middles are used, `SMOOTHING_SAMPLES` samples in all, at a rate that suffices for the filter.
-    lowpass : LowPass
     joints : sequence of str
         Joints whose torque rows are used.
     reduction : Reduction

@@ -101,25 +101,17 @@ class Box:
 
 @dataclass(frozen=True, eq=False)
 class Simplex:
-    """The p + 1 least-squares solutions, one for each variable that may carry the noise.
-
-    Attributes
-    ----------
-    names : tuple of str
-        The p parameters.
-    vertices : ndarray, shape (p, p + 1)
-        Column j assigns all noise to variable j; the last column assigns it to the torque. Not finite where the torque
-        does not enter the regression of variable j.
-    exact : bool
-        The torque is fitted to rounding: there is no noise, and all vertices are the same solution.
-    condition : float
-        Condition number of Σ scaled to unit diagonal (of its regressor block when `exact`).
-    """
+    """The p + 1 least-squares solutions, one for each variable that may carry the noise."""
 
     names: tuple[str, ...]
+    """The p parameters."""
     vertices: Array
+    """Column j assigns all noise to variable j, (p, p + 1); the last column assigns it to the torque. Not finite where
+    the torque does not enter the regression of variable j."""
     exact: bool
+    """The torque is fitted to rounding: there is no noise, and all vertices are the same solution."""
     condition: float
+    """Condition number of Σ scaled to unit diagonal (of its regressor block when `exact`)."""
 
     @property
     def ols(self) -> Array:
@@ -209,7 +201,6 @@ def unit_diagonal(moments: Array, names: Sequence[str]) -> tuple[Array, Array]:
     Parameters
     ----------
     moments : ndarray, shape (p + 1, p + 1)
-    names : sequence of str
 
     Returns
     -------

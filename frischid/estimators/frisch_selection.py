@@ -48,25 +48,17 @@ _RATIO = 1e-10
 
 @dataclass(frozen=True, eq=False)
 class PublishedSelection:
-    """The minimiser of eq. (24), and the search that found it.
-
-    Attributes
-    ----------
-    selection : Selection
-        The point, with the residuals of ProxQP's last problem.
-    ratio : float
-        ρ at the fixed point, ``‖Wθ − τ‖ / ‖θ‖``; 0 for least squares in the box, infinite for the point nearest to
-        zero.
-    objective : float
-        ``‖Wθ − τ‖ + ‖θ‖`` there.
-    problems : int
-        Quadratic programs that were solved.
-    """
+    """The minimiser of eq. (24), and the search that found it."""
 
     selection: Selection
+    """The point, with the residuals of ProxQP's last problem."""
     ratio: float
+    """ρ at the fixed point, ``‖Wθ − τ‖ / ‖θ‖``; 0 for least squares in the box, infinite for the point nearest to zero.
+    """
     objective: float
+    """``‖Wθ − τ‖ + ‖θ‖`` there."""
     problems: int
+    """Quadratic programs that were solved."""
 
 
 def select_published(sums: Array, box: Box) -> PublishedSelection:
@@ -79,10 +71,6 @@ def select_published(sums: Array, box: Box) -> PublishedSelection:
         number of rows decides how much ‖θ‖ weighs.
     box : Box
         Bounds of the p parameters; infinite ones are allowed.
-
-    Returns
-    -------
-    PublishedSelection
 
     Raises
     ------

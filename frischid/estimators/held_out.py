@@ -32,17 +32,12 @@ MOST_OF_A_JOINT = 0.5
 
 @dataclass(frozen=True, eq=False)
 class Fold:
-    """A stretch of time, and the parameters fitted to all others.
-
-    Attributes
-    ----------
-    out : Gram
-        Moments of the stretch.
-    theta : ndarray, shape (p,)
-    """
+    """A stretch of time, and the parameters fitted to all others."""
 
     out: Gram
+    """Moments of the stretch."""
     theta: Array
+    """Shape (p,)."""
 
 
 def held_out_stretches(blocks: Sequence[Gram]) -> Blocks:

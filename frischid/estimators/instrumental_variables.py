@@ -70,10 +70,8 @@ def iv(
 
     Parameters
     ----------
-    regressor : Regressor
     motions : iterable of Motion
         Read once per iteration and once before; one motion at a time is in memory.
-    lowpass : LowPass
     base : sequence of int
         Columns of the base parameters.
     start : Estimate
@@ -82,10 +80,6 @@ def iv(
         Reference of each motion's controller, on the log's own time (zero at the log's beginning).
     iterations : int
         Most iterations of simulation and estimation.
-
-    Returns
-    -------
-    Estimate
 
     Raises
     ------
@@ -264,7 +258,6 @@ class _Torque:
 
     Parameters
     ----------
-    regressor : Regressor
     values : mapping of str to float
         Parameters that are not zero.
     motion : Motion

@@ -143,17 +143,12 @@ class Estimate:
 
 @dataclass(frozen=True, eq=False)
 class Prior:
-    """Gaussian prior of p parameters.
-
-    Attributes
-    ----------
-    mean : ndarray, shape (p,)
-    precision : ndarray, shape (p, p)
-        Inverse covariance.
-    """
+    """Gaussian prior of p parameters."""
 
     mean: Array
+    """Shape (p,)."""
     precision: Array
+    """Inverse covariance, (p, p)."""
 
     @property
     def moments(self) -> Array:

@@ -53,37 +53,26 @@ HELD = 1e-4
 
 @dataclass(frozen=True, eq=False)
 class MapEstimate:
-    """Parameters fitted with a prior, with a covariance that contains the model's own error.
-
-    Attributes
-    ----------
-    theta : ndarray, shape (p,)
-        Base parameters.
-    covariance : ndarray, shape (p, p)
-    full : ndarray, shape (C,)
-        Every parameter of the prior.
-    full_covariance : ndarray, shape (C, C)
-    variance : ndarray, shape (J,)
-        Residual variance σ² of each joint.
-    rows : float
-        κ, rows that each joint's data count for.
-    prior : ParameterPrior
-        The prior with the scales from the data.
-    condition : float
-        Square root of the condition number of the scaled normal equations.
-    contradicted : tuple of (str, float)
-        Parameters of known sign to which the data would give the other sign, and by how many standard errors.
-    """
+    """Parameters fitted with a prior, with a covariance that contains the model's own error."""
 
     theta: Array
+    """Base parameters, (p,)."""
     covariance: Array
+    """Shape (p, p)."""
     full: Array
+    """Every parameter of the prior, (C,)."""
     full_covariance: Array
+    """Shape (C, C)."""
     variance: Array
+    """Residual variance σ² of each joint, (J,)."""
     rows: float
+    """κ, rows that each joint's data count for."""
     prior: ParameterPrior
+    """The prior with the scales from the data."""
     condition: float
+    """Square root of the condition number of the scaled normal equations."""
     contradicted: tuple[tuple[str, float], ...]
+    """Parameters of known sign to which the data would give the other sign, and by how many standard errors."""
 
     @property
     def from_log(self) -> Array:
@@ -160,11 +149,6 @@ def map_estimate(
         Regrouping of all parameters into base parameters, ``θ_b = K θ``.
     prior : ParameterPrior
         At scale 1.
-    rule : ScaleRule, optional
-
-    Returns
-    -------
-    MapEstimate
 
     Raises
     ------
@@ -278,11 +262,6 @@ def map_folds(blocks: Sequence[Gram], mapping: Array, estimate: MapEstimate) -> 
     blocks : sequence of Gram
         Moments that the estimate was made from; five contiguous parts of them are left out in turn.
     mapping : ndarray, shape (p, C)
-    estimate : MapEstimate
-
-    Returns
-    -------
-    tuple of Fold
 
     Raises
     ------
@@ -299,12 +278,10 @@ def link_scales(prior: ParameterPrior, off: Array, known: Array, rule: ScaleRule
 
     Parameters
     ----------
-    prior : ParameterPrior
     off : ndarray, shape (C,)
         Parameters less their prior means.
     known : ndarray, shape (C,)
         Their posterior variances.
-    rule : ScaleRule
     """
     squares, links = (off**2 + known) / prior.spread**2, prior.of_links
     common = (squares[links].sum() + rule.freedom) / (links.sum() + rule.freedom)

@@ -70,23 +70,16 @@ class WeightedRows:
 
     H itself is never formed: it squares the ratio of the log's weight to the prior's. On a log without noise, this
     ratio is 10⁸, and its square is beyond double precision.
-
-    Attributes
-    ----------
-    triangle : ndarray, shape (m, m)
-        R, in columns of unit length.
-    target : ndarray, shape (m,)
-        Qᵀt.
-    scale : ndarray, shape (m,)
-        A variable over its scaled one.
-    bounded : ndarray of bool, shape (m,)
-        Variables that are not negative.
     """
 
     triangle: Array
+    """R, in columns of unit length, (m, m)."""
     target: Array
+    """Qᵀt, (m,)."""
     scale: Array
+    """A variable over its scaled one, (m,)."""
     bounded: NDArray[np.bool_]
+    """Variables that are not negative, (m,)."""
 
     @classmethod
     def of(cls, rows: Array, target: Array, bounded: NDArray[np.bool_]) -> WeightedRows:

@@ -16,27 +16,18 @@ LIGHTEST = 0.05  # a nominal link without mass is taken to have this share of th
 
 @dataclass(frozen=True, eq=False)
 class Links:
-    """Prior and bounds of L links, each about a frame of its own.
-
-    Attributes
-    ----------
-    names : tuple of str
-        Names for messages.
-    nominal : ndarray, shape (L, 10)
-        m, mx, my, mz, Ixx, Ixy, Iyy, Ixz, Iyz, Izz.
-    boxes : tuple of (ndarray (k, 3), ndarray (k,)) or None
-        Half-spaces ``A c ≤ b`` in which the centre of mass c must lie, m.
-    known : ndarray, shape (L, 10)
-        Known values; NaN for the others.
-    length : float
-        Length of the robot, m.
-    """
+    """Prior and bounds of L links, each about a frame of its own."""
 
     names: tuple[str, ...]
+    """Names for messages."""
     nominal: Array
+    """m, mx, my, mz, Ixx, Ixy, Iyy, Ixz, Iyz, Izz, (L, 10)."""
     boxes: tuple[tuple[Array, Array] | None, ...]
+    """Half-spaces ``A c ≤ b`` in which the centre of mass c must lie, m."""
     known: Array
+    """Known values, (L, 10); NaN for the others."""
     length: float
+    """Length of the robot, m."""
 
 
 def reference_inertias(links: Links) -> tuple[Array, tuple[str, ...]]:

@@ -17,33 +17,22 @@ from frischid.core.types import Array
 
 @dataclass(frozen=True, eq=False)
 class ParameterPrior:
-    """Prior of C parameters before any log, each independent of the others.
-
-    Attributes
-    ----------
-    names : tuple of str
-    mean : ndarray, shape (C,)
-        Each in its parameter's unit.
-    spread : ndarray, shape (C,)
-        Standard deviations d.
-    group : tuple of str
-        Link or rotor whose scale the parameter shares; empty for a parameter at scale 1.
-    nonnegative : ndarray of bool, shape (C,)
-        Parameters whose sign is known.
-    negative : ndarray, shape (C,)
-        Standard deviation on the negative side of a parameter that is usually positive, but need not be; zero for
-        others. Such a parameter is the difference of two nonnegative ones.
-    scales : dict of str to float
-        Scale s of each group; a missing scale is 1.
-    """
+    """Prior of C parameters before any log, each independent of the others."""
 
     names: tuple[str, ...]
     mean: Array
+    """Each in its parameter's unit, (C,)."""
     spread: Array
+    """Standard deviations d, (C,)."""
     group: tuple[str, ...]
+    """Link or rotor whose scale the parameter shares; empty for a parameter at scale 1."""
     nonnegative: NDArray[np.bool_]
+    """Parameters whose sign is known, (C,)."""
     negative: Array
+    """Standard deviation on the negative side of a parameter that is usually positive, but need not be, (C,); zero for
+    others. Such a parameter is the difference of two nonnegative ones."""
     scales: dict[str, float]
+    """Scale s of each group; a missing scale is 1."""
 
     @property
     def of_links(self) -> NDArray[np.bool_]:
@@ -63,18 +52,13 @@ class ParameterPrior:
 
 @dataclass(frozen=True)
 class ScaleRule:
-    """Rule for the scale of a link's or a rotor's prior, given the data.
-
-    Attributes
-    ----------
-    freedom : float
-        ν, weight of the assumption that a link has the scale of its URDF, and that a URDF has scale 1, as a number of
-        parameters. It is four of a link's ten, so that a link that the log hardly moves keeps the scale of the others.
-    least, most : float
-        Bounds of the scale: no URDF has less than three percent of the usual error. A URDF in which every mass is 1 g
-        has a hundred times, and the rotor behind the gear of a finger's last link can have thousands of times.
-    """
+    """Rule for the scale of a link's or a rotor's prior, given the data."""
 
     freedom: float = 4.0
+    """ν, weight of the assumption that a link has the scale of its URDF, and that a URDF has scale 1, as a number of
+    parameters. It is four of a link's ten, so that a link that the log hardly moves keeps the scale of the others."""
     least: float = 0.03
     most: float = 1e4
+    """`least`, `most`: Bounds of the scale: no URDF has less than three percent of the usual error. A URDF in which
+    every mass is 1 g has a hundred times, and the rotor behind the gear of a finger's last link can have thousands of
+    times."""

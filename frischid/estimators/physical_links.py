@@ -49,22 +49,15 @@ class InfeasibleError(FrischidError):
 
 @dataclass(frozen=True, eq=False)
 class Extras:
-    """E further parameters besides the links': effects' coefficients.
-
-    Attributes
-    ----------
-    names : tuple of str
-    nominal : ndarray, shape (E,)
-    scale : ndarray, shape (E,)
-        Typical size of each.
-    signs : ndarray of int, shape (E,)
-        Known sign; 0 when either is possible.
-    """
+    """E further parameters besides the links': effects' coefficients."""
 
     names: tuple[str, ...]
     nominal: Array
+    """Shape (E,)."""
     scale: Array
+    """Typical size of each, (E,)."""
     signs: NDArray[np.int_]
+    """Known sign, (E,); 0 when either is possible."""
 
 
 class Active(NamedTuple):
@@ -76,45 +69,31 @@ class Active(NamedTuple):
 
 @dataclass(frozen=True, eq=False)
 class Consistent:
-    """Physically consistent standard parameters.
-
-    Attributes
-    ----------
-    theta : ndarray, shape (10 L + E,)
-        Links' parameters, then the extras.
-    base : ndarray, shape (p,)
-        ``K θ``.
-    misfit : float
-        χ²*, in squared standard errors: the misfit that the constraints force.
-    chi_squared : float
-        χ² of the returned links: `misfit`, and what nearness to the nominal links costs, up to ``PRIOR_SLACK p``.
-    reproduces : bool
-        Whether the base parameters stay within their bounds: ``χ²* ≤`` the `BOUND_CONFIDENCE` quantile of χ² with p
-        degrees of freedom.
-    eigenvalues : ndarray, shape (L,)
-        Least eigenvalue of each P relative to the nominal link's, as computed from `theta`; all at least
-        `LEAST_LINK_SHARE`.
-    divergence : ndarray, shape (L,)
-        Log-det divergence from the nominal link.
-    active : tuple of Active
-        Links at their boundary, centres of mass at a face, signs that hold a parameter at zero.
-    blame : tuple of (str, float)
-        If the base parameters are not reproduced: links, and the fall of χ² if the link need not be physical; worst
-        first.
-    notes : tuple of str
-        Nominal links that could not exist, and the links that replace them as a prior.
-    """
+    """Physically consistent standard parameters."""
 
     theta: Array
+    """Links' parameters, then the extras, (10 L + E,)."""
     base: Array
+    """``K θ``, (p,)."""
     misfit: float
+    """χ²*, in squared standard errors: the misfit that the constraints force."""
     chi_squared: float
+    """χ² of the returned links: `misfit`, and what nearness to the nominal links costs, up to ``PRIOR_SLACK p``."""
     reproduces: bool
+    """Whether the base parameters stay within their bounds: ``χ²* ≤`` the `BOUND_CONFIDENCE` quantile of χ² with p
+    degrees of freedom."""
     eigenvalues: Array
+    """Least eigenvalue of each P relative to the nominal link's, as computed from `theta`, (L,); all at least
+    `LEAST_LINK_SHARE`."""
     divergence: Array
+    """Log-det divergence from the nominal link, (L,)."""
     active: tuple[Active, ...]
+    """Links at their boundary, centres of mass at a face, signs that hold a parameter at zero."""
     blame: tuple[tuple[str, float], ...]
+    """If the base parameters are not reproduced: links, and the fall of χ² if the link need not be physical; worst
+    first."""
     notes: tuple[str, ...]
+    """Nominal links that could not exist, and the links that replace them as a prior."""
 
     @property
     def feasible(self) -> bool:
@@ -133,12 +112,6 @@ def consistent(theta: Array, information: Array, mapping: Array, links: Links, e
         Their precision Σ_b⁻¹.
     mapping : ndarray, shape (p, 10 L + E)
         K in ``θ_b = K θ``; zero for known parameters.
-    links : Links
-    extras : Extras
-
-    Returns
-    -------
-    Consistent
 
     Raises
     ------

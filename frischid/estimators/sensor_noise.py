@@ -45,21 +45,14 @@ SAME_CHANNEL = 2e-7  # relative difference of two channels that is rounding of t
 
 @dataclass(frozen=True)
 class Probe:
-    """How a sensor is displaced for the differences of moments.
-
-    Attributes
-    ----------
-    step : float
-        Displacement as a share of what the sensor's channels span: rms of q̇ and q̈, 1 rad (m) of q.
-    repeats : int
-        Sets of random signs to average over; one is enough unless the log is short and filtered.
-    seed : int
-        Of the random signs.
-    """
+    """How a sensor is displaced for the differences of moments."""
 
     step: float = 0.03
+    """Displacement as a share of what the sensor's channels span: rms of q̇ and q̈, 1 rad (m) of q."""
     repeats: int = 1
+    """Sets of random signs to average over; one is enough unless the log is short and filtered."""
     seed: int = 0
+    """Of the random signs."""
 
 
 PROBE = Probe()
@@ -67,20 +60,13 @@ PROBE = Probe()
 
 @dataclass(frozen=True, eq=False)
 class Sensor:
-    """One stream of errors and the channels of one joint it enters.
-
-    Attributes
-    ----------
-    name : str
-        Such as ``"q joint1"``.
-    joint : int
-    taps : dict of str to ndarray
-        Channel (``"q"``, ``"v"``, ``"a"``) -> odd-length filter from the sensor's errors to that channel's.
-    """
+    """One stream of errors and the channels of one joint it enters."""
 
     name: str
+    """Such as ``"q joint1"``."""
     joint: int
     taps: Mapping[str, Array]
+    """Channel (``"q"``, ``"v"``, ``"a"``) -> odd-length filter from the sensor's errors to that channel's."""
 
 
 def sensors_of(motion: Motion, robot: Robot, lowpass: LowPass) -> list[Sensor]:
@@ -88,15 +74,10 @@ def sensors_of(motion: Motion, robot: Robot, lowpass: LowPass) -> list[Sensor]:
 
     Parameters
     ----------
-    motion : Motion
     robot : Robot
         Names the joints.
     lowpass : LowPass
         The one the motion was prepared with, which sets its derivative filters.
-
-    Returns
-    -------
-    list of Sensor
     """
     first, second = (derivative_taps(order, motion.step, lowpass.cutoff) for order in (1, 2))
     found = []
@@ -140,10 +121,8 @@ def sensor_moments(
 
     Parameters
     ----------
-    regressor : Regressor
     motions : iterable of Motion
         Gone through twice, and twice more for every sensor; one at a time is in memory.
-    lowpass : LowPass
     joints : sequence of str
         Joints whose torque rows are used.
     base : sequence of int
@@ -153,10 +132,6 @@ def sensor_moments(
         default the names of the columns, and equal weights.
     probe : Probe
         How sensors are displaced.
-
-    Returns
-    -------
-    SensorMoments
     """
     rng = np.random.default_rng(probe.seed)
     per_motion: list[dict[str, Sensor]] = []

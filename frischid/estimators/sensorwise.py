@@ -58,59 +58,40 @@ Limits = Mapping[str, tuple[float, float]]
 
 @dataclass(frozen=True, eq=False)
 class SensorMoments:
-    """Moments of [y τ] in blocks of time, and the contribution of each sensor's noise to them.
-
-    Attributes
-    ----------
-    names : tuple of str
-        The p parameters.
-    sensors : tuple of str
-        The S sensors, ``"torque"`` last.
-    moments : ndarray, shape (B, p + 1, p + 1)
-        Weighted ``Σ_k x_k x_kᵀ`` of each block, torque last.
-    noise : ndarray, shape (S, B, p + 1, p + 1)
-        The block's S_s: the contribution of one unit of the sensor's variance to the block's moments.
-    """
+    """Moments of [y τ] in blocks of time, and the contribution of each sensor's noise to them."""
 
     names: tuple[str, ...]
+    """The p parameters."""
     sensors: tuple[str, ...]
+    """The S sensors, ``"torque"`` last."""
     moments: Array
+    """Weighted ``Σ_k x_k x_kᵀ`` of each block, torque last, (B, p + 1, p + 1)."""
     noise: Array
+    """The block's S_s, (S, B, p + 1, p + 1): the contribution of one unit of the sensor's variance to the block's
+    moments."""
 
 
 @dataclass(frozen=True, eq=False)
 class SensorWise:
-    """Result of the sensor-wise scheme.
-
-    Attributes
-    ----------
-    names, sensors : tuple of str
-    theta : ndarray, shape (p,)
-        The middle of V: every sensor explains an equal share of the residual.
-    covariance : ndarray, shape (p, p)
-        Sampling covariance of `theta`; the box, not this covariance, holds the uncertainty about the variances.
-    vertices : ndarray, shape (p, S)
-        Solution in which the sensor explains as much as possible; NaN where its noise explains nothing.
-    variances : ndarray, shape (S,)
-        The sensor's variance at its vertex: no sensor is noisier than this.
-    hull : Box
-        Extremes over V, as if the moments were exact.
-    box : Box
-        Extremes widened by the sampling error: every parameter at once, with the confidence asked for.
-    exact : bool
-        The data leave no residual; all of the above is the same solution.
-    notes : tuple of str
-    """
+    """Result of the sensor-wise scheme."""
 
     names: tuple[str, ...]
     sensors: tuple[str, ...]
     theta: Array
+    """The middle of V, (p,): every sensor explains an equal share of the residual."""
     covariance: Array
+    """Sampling covariance of `theta`, (p, p); the box, not this covariance, holds the uncertainty about the variances.
+    """
     vertices: Array
+    """Solution in which the sensor explains as much as possible, (p, S); NaN where its noise explains nothing."""
     variances: Array
+    """The sensor's variance at its vertex, (S,): no sensor is noisier than this."""
     hull: Box
+    """Extremes over V, as if the moments were exact."""
     box: Box
+    """Extremes widened by the sampling error: every parameter at once, with the confidence asked for."""
     exact: bool
+    """The data leave no residual; all of the above is the same solution."""
     notes: tuple[str, ...] = ()
 
 
@@ -131,16 +112,11 @@ def sensorwise(data: SensorMoments, *, confidence: float = 0.95, limits: Limits 
 
     Parameters
     ----------
-    data : SensorMoments
     confidence : float
         Joint confidence of all bounds.
     limits : mapping of str to (float, float)
         Least and largest standard deviation of a sensor, in its own unit, where a data sheet gives them; the others
         are between zero and infinity.
-
-    Returns
-    -------
-    SensorWise
 
     Raises
     ------

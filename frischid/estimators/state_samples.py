@@ -39,10 +39,8 @@ def samples(
 
     Parameters
     ----------
-    regressor : Regressor
     motions : iterable of Motion
         Read twice; one motion at a time is in memory.
-    lowpass : LowPass
     joints : sequence of str
         Joints whose torque rows are used.
     base : sequence of int

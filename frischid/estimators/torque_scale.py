@@ -46,34 +46,23 @@ _FLAT = 1e2  # times the value at which an effect alone would cause the signal: 
 
 @dataclass(frozen=True, eq=False)
 class TorqueScales:
-    """Gains of J joints, from their signals and the prior of the links.
-
-    Attributes
-    ----------
-    inverse : ndarray, shape (J,)
-        κ = 1/kp: signal per unit of torque. A negative value contradicts the sign of the signal.
-    stderr : ndarray, shape (J,)
-        Of κ.
-    most : ndarray, shape (J,)
-        κ with which the URDF's links alone would cause a signal as large as the whole one. A larger κ is no gain: the
-        links' columns then stand for an error of the model.
-    variance : ndarray, shape (J,)
-        Residual variance of each signal.
-    share : ndarray, shape (J,)
-        The same over the variance of the signal.
-    rows : float
-        Rows that each signal counts for.
-    others : ndarray, shape (C,)
-        δ and ψ: errors of the links in their units, and effects in units of the signal.
-    """
+    """Gains of J joints, from their signals and the prior of the links."""
 
     inverse: Array
+    """κ = 1/kp, (J,): signal per unit of torque. A negative value contradicts the sign of the signal."""
     stderr: Array
+    """Of κ, (J,)."""
     most: Array
+    """κ with which the URDF's links alone would cause a signal as large as the whole one, (J,). A larger κ is no gain:
+    the links' columns then stand for an error of the model."""
     variance: Array
+    """Residual variance of each signal, (J,)."""
     share: Array
+    """The same over the variance of the signal, (J,)."""
     rows: float
+    """Rows that each signal counts for."""
     others: Array
+    """δ and ψ, (C,): errors of the links in their units, and effects in units of the signal."""
 
 
 def torque_scales(
@@ -101,10 +90,6 @@ def torque_scales(
     means : mapping of int to int, optional
         Joint -> parameter whose column is the torque of the URDF's links less the known torques, in N·m; by default
         there are no known torques.
-
-    Returns
-    -------
-    TorqueScales
 
     Raises
     ------

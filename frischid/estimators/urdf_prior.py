@@ -44,35 +44,26 @@ class PriorCriteria:
 
     The experiment behind them: 25 pairs of measured logs of five robots, held out, and URDFs whose links were wrong by
     factors of 0.5 to 2 (`benchmarks/trust.py`). None was fitted to one robot.
-
-    Attributes
-    ----------
-    mass_share : float
-        Standard deviation of a link's mass, as a share of that mass.
-    heaviest_share : float
-        A further share, of the heaviest link's mass, so that a link which the URDF gives no mass may still have some.
-    least_size, largest_size : float
-        m. Bounds of a link's size L, for URDFs whose inertias are zero or impossible, of a robot of 1 m; a shorter
-        robot's least and a longer robot's largest size are in proportion (`frischid.robot.scale`).
-    rotor : float
-        Standard deviation of a rotor's inertia at scale 1, as a multiple of the links' mean inertia about its joint.
-    rotor_opposite : float
-        The same on the negative side, which only a sensor behind the gear can show.
-    scale_freedom : float
-        Weight of the assumption that a scale is 1, as a number of parameters; a link has ten, a rotor one.
-    least_scale, largest_scale : float
-        Bounds of a scale.
     """
 
     mass_share: float = 0.5
+    """Standard deviation of a link's mass, as a share of that mass."""
     heaviest_share: float = 0.1
+    """A further share, of the heaviest link's mass, so that a link which the URDF gives no mass may still have some."""
     least_size: float = 0.05
     largest_size: float = 1.0
+    """`least_size`, `largest_size`: m. Bounds of a link's size L, for URDFs whose inertias are zero or impossible, of a
+    robot of 1 m; a shorter robot's least and a longer robot's largest size are in proportion (`frischid.robot.scale`).
+    """
     rotor: float = 10.0
+    """Standard deviation of a rotor's inertia at scale 1, as a multiple of the links' mean inertia about its joint."""
     rotor_opposite: float = 0.3
+    """The same on the negative side, which only a sensor behind the gear can show."""
     scale_freedom: float = 4.0
+    """Weight of the assumption that a scale is 1, as a number of parameters; a link has ten, a rotor one."""
     least_scale: float = 0.03
     largest_scale: float = 1e4
+    """`least_scale`, `largest_scale`: Bounds of a scale."""
 
     @property
     def scale_rule(self) -> ScaleRule:
@@ -86,24 +77,16 @@ class PriorCriteria:
 
 @dataclass(frozen=True, eq=False)
 class UrdfPrior:
-    """The prior that a model was fitted with, as part of the model.
-
-    Attributes
-    ----------
-    parameters : ParameterPrior
-        With the scales that the logs gave.
-    rows : float
-        κ, rows that each joint's data counted for.
-    value : ndarray, shape (C,)
-        Every parameter given the logs, in its unit.
-    from_log : ndarray, shape (C,)
-        Share of the knowledge of each parameter that came from the logs.
-    """
+    """The prior that a model was fitted with, as part of the model."""
 
     parameters: ParameterPrior
+    """With the scales that the logs gave."""
     rows: float
+    """κ, rows that each joint's data counted for."""
     value: Array
+    """Every parameter given the logs, in its unit, (C,)."""
     from_log: Array
+    """Share of the knowledge of each parameter that came from the logs, (C,)."""
 
     @classmethod
     def of(cls, fit: MapEstimate) -> UrdfPrior:
@@ -115,7 +98,6 @@ class UrdfPrior:
 
         Parameters
         ----------
-        columns : sequence of Column
         values : ndarray, shape (k,)
             Their values; the prior is ten times as wide.
         """
@@ -201,12 +183,10 @@ def urdf_prior(
 
     Parameters
     ----------
-    regressor : Regressor
     reduction : Reduction
         Base parameters of `regressor`.
     whole : Gram
         Moments of the base columns, for the size of effects.
-    criteria : PriorCriteria, optional
 
     Returns
     -------
@@ -243,11 +223,6 @@ def _group(column: Column) -> str:
 
 def link_spread(regressor: Regressor, criteria: PriorCriteria | None = None) -> Array:
     """Usual errors of a URDF's rigid parameters.
-
-    Parameters
-    ----------
-    regressor : Regressor
-    criteria : PriorCriteria, optional
 
     Returns
     -------

@@ -40,7 +40,6 @@ def actuator_rows(model: Model, step: float = SIMULATOR_STEP) -> list[dict[str, 
 
     Parameters
     ----------
-    model : Model
     step : float
         The simulator's step, s, in which the delay is counted.
 

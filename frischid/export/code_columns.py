@@ -55,50 +55,32 @@ class NoCodeError(InputError):
 
 @dataclass(frozen=True)
 class Made:
-    """A quantity that a function of the template computes before the columns that use it.
-
-    Attributes
-    ----------
-    name : str
-        As it stands in the columns' expressions.
-    kind : {"slide", "heat", "lag", "delay", "slope", "tilt", "spin", "extra"}
-    number : int
-        Place among the quantities of its kind.
-    joint : int
-    values : tuple of float
-        Constants of the function, see the templates.
-    """
+    """A quantity that a function of the template computes before the columns that use it."""
 
     name: str
+    """As it stands in the columns' expressions."""
     kind: str
     number: int
+    """Place among the quantities of its kind."""
     joint: int
     values: tuple[float, ...] = ()
+    """Constants of the function, see the templates."""
 
 
 @dataclass(frozen=True)
 class CodeColumn:
-    """One column of an effect.
-
-    Attributes
-    ----------
-    effect : Effect
-    name : str
-        Of the coefficient.
-    rows : dict of int to str
-        Index of a joint -> expression of the torque on it per unit of the coefficient.
-    theta, reference : float
-        The coefficient in the model, and among the parameters that give the load.
-    made : tuple of Made
-        Quantities that the expressions use.
-    """
+    """One column of an effect."""
 
     effect: Effect
     name: str
+    """Of the coefficient."""
     rows: dict[int, str]
+    """Index of a joint -> expression of the torque on it per unit of the coefficient."""
     theta: float
     reference: float
+    """`theta`, `reference`: The coefficient in the model, and among the parameters that give the load."""
     made: tuple[Made, ...] = ()
+    """Quantities that the expressions use."""
 
     def reads(self, quantity: str) -> bool:
         """Whether an expression of this column, or a quantity that it uses, reads a quantity of the joints."""
@@ -108,21 +90,15 @@ class CodeColumn:
 
 @dataclass(frozen=True, eq=False)
 class CodeModel:
-    """A model with the columns of its effects as expressions.
-
-    Attributes
-    ----------
-    model : Model
-        With physical links.
-    columns : tuple of CodeColumn
-    links, load_links : ndarray, shape (L, 10)
-        Inertial parameters about the joints' frames: the model's, and those that give the load and its derivatives.
-    """
+    """A model with the columns of its effects as expressions."""
 
     model: Model
+    """With physical links."""
     columns: tuple[CodeColumn, ...]
     links: Array
     load_links: Array
+    """`links`, `load_links`: Inertial parameters about the joints' frames, (L, 10): the model's, and those that give
+    the load and its derivatives."""
 
     @classmethod
     def of(cls, model: Model, payload_in_links: bool = True) -> CodeModel:
@@ -130,7 +106,6 @@ class CodeModel:
 
         Parameters
         ----------
-        model : Model
         payload_in_links : bool
             Whether payloads become part of the links; otherwise they are columns as all other effects.
 

@@ -192,24 +192,11 @@ def free_parameters(model: Model) -> dict[str, tuple[str, ...]]:
     A parameter k is determined if e_k lies in the row space of K in ``θ_base = K θ``. Of the free ones, a physical
     model has the values nearest to the URDF's links.
 
-    Parameters
-    ----------
-    model : Model
-
     Returns
     -------
     dict of str to tuple of str
         Of each body in ``robot.bodies``, named by the joint before it: ``"m"``, ``"mx"``, ..., ``"Izz"`` where free;
         without known parameters.
-
-    Examples
-    --------
-    >>> import frischid as fr
-    >>> from frischid.export.consistency import free_parameters
-    >>> robot = fr.Robot.load("planar2")
-    >>> log = fr.simulate(robot, fr.random_fourier(robot, 5.0, seed=1), rate=100.0)
-    >>> free_parameters(fr.identify(robot, [log], recursion="none").model)["joint2"]
-    ('m', 'mz', 'Ixx', 'Ixy', 'Iyy', 'Ixz', 'Iyz')
     """
     robot = model.robot
     mapping = _structure(model, Regressor(robot, model.effects, model.reference))

@@ -34,23 +34,15 @@ STOP = {"solreflimit": "1e-4 1", "solimplimit": "0.9999 0.9999 0.001"}
 
 @dataclass(frozen=True)
 class GearJoint:
-    """The joint between a motor and its link.
-
-    Attributes
-    ----------
-    name : str
-        Of the joint in the XML.
-    effect : {"elasticity", "backlash"}
-    values : dict of str to float
-        ``stiffness`` and ``damping`` of an elastic gear, and ``armature`` of a gear behind another one.
-    gap : float
-        Half the play, rad (m); zero for an elastic gear.
-    """
+    """The joint between a motor and its link."""
 
     name: str
+    """Of the joint in the XML."""
     effect: str
     values: dict[str, float]
+    """``stiffness`` and ``damping`` of an elastic gear, and ``armature`` of a gear behind another one."""
     gap: float = 0.0
+    """Half the play, rad (m); zero for an elastic gear."""
 
     def attributes(self) -> dict[str, str]:
         """Attributes of the joint, but for its place."""
@@ -61,20 +53,13 @@ class GearJoint:
 
 @dataclass(frozen=True)
 class GearTrain:
-    """Everything between one motor and its link.
-
-    Attributes
-    ----------
-    gears : tuple of GearJoint
-    rotor : float
-        Armature of the motor's joint where the model has no rotor inertia, kg·m² (kg).
-    rubbing : float
-        Share of the joint's dry friction that acts on the link.
-    """
+    """Everything between one motor and its link."""
 
     gears: tuple[GearJoint, ...]
     rotor: float
+    """Armature of the motor's joint where the model has no rotor inertia, kg·m² (kg)."""
     rubbing: float
+    """Share of the joint's dry friction that acts on the link."""
 
 
 def gear_value(model: Model, effect: Effect) -> dict[str, float]:

@@ -45,29 +45,19 @@ class Tendon:
 
 @dataclass(frozen=True, eq=False)
 class Share:
-    """Torque that the XML has.
-
-    Attributes
-    ----------
-    held : frozenset of str
-        Names of the parameters whose torque the XML has.
-    joints : dict of str to dict of str to float
-        Joint -> attribute of MJCF -> value.
-    tendons : tuple of Tendon
-    links : ndarray, shape (L, 10)
-        Inertial parameters with the payload, about the joints' frames.
-    gears : dict of str to GearTrain
-        Joint -> the gears behind its motor.
-    behind : dict of str to float
-        Joint -> dry friction behind its gears, on the link, N·m (N).
-    """
+    """Torque that the XML has."""
 
     held: frozenset[str]
+    """Names of the parameters whose torque the XML has."""
     joints: dict[str, dict[str, float]]
+    """Joint -> attribute of MJCF -> value."""
     tendons: tuple[Tendon, ...]
     links: Array
+    """Inertial parameters with the payload, about the joints' frames, (L, 10)."""
     gears: dict[str, GearTrain]
+    """Joint -> the gears behind its motor."""
     behind: dict[str, float]
+    """Joint -> dry friction behind its gears, on the link, N·m (N)."""
 
 
 def forces(model: Model) -> Model:

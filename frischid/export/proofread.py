@@ -17,7 +17,6 @@ def proofread(text: str, kind: str, target: str) -> None:
 
     Parameters
     ----------
-    text : str
     kind : {"C", "NumPy", "MJCF", "URDF"}
     target : str
         File that the text is meant for, for the message.

@@ -29,26 +29,17 @@ REACH_FORMATS = {"c": "code", "mjcf": "MJCF", "urdf": "URDF"}
 
 @dataclass(frozen=True)
 class Reach:
-    """The part of a model that one format holds.
-
-    Attributes
-    ----------
-    format : str
-    without : tuple of str
-        Effects that the format leaves out.
-    refused : tuple of str
-        Effects without which the model could be written in this format; it cannot be written as it is.
-    beside : tuple of str
-        Effects that are in a Python file beside the file: of MJCF.
-    steps : bool
-        Whether the code must be called at every sample, because the torque depends on the past.
-    """
+    """The part of a model that one format holds."""
 
     format: str
     without: tuple[str, ...] = ()
+    """Effects that the format leaves out."""
     refused: tuple[str, ...] = ()
+    """Effects without which the model could be written in this format; it cannot be written as it is."""
     steps: bool = False
+    """Whether the code must be called at every sample, because the torque depends on the past."""
     beside: tuple[str, ...] = ()
+    """Effects that are in a Python file beside the file: of MJCF."""
 
     @property
     def whole(self) -> bool:
@@ -67,7 +58,6 @@ def exportable(model: Model, kind: str) -> tuple[str, ...]:
 
     Parameters
     ----------
-    model : Model
     kind : {"c", "mjcf", "urdf"}
 
     Returns

@@ -106,8 +106,6 @@ def against(prediction: Prediction, joint: str, variable: str, sliding: bool = F
 
     Parameters
     ----------
-    prediction : Prediction
-    joint : str
     variable : {"q", "v", "a", "load", "t"}
     sliding : bool
         Whether the joint is prismatic.

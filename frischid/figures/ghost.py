@@ -43,13 +43,7 @@ TIP_LINES = ({"color": BLUE, "width": 2.2}, {"color": MEASURED, "dash": "dash", 
 
 
 def ghost(beside: SimulatedBeside, robot: Robot) -> Drawing:
-    """Both robots along the log, with a button that plays the motion and a slider over the time.
-
-    Parameters
-    ----------
-    beside : SimulatedBeside
-    robot : Robot
-    """
+    """Both robots along the log, with a button that plays the motion and a slider over the time."""
     stable = np.flatnonzero(np.isfinite(beside.simulated).all(axis=1))
     samples = stable[:: max(1, -(-len(stable) // GHOST_POSES))]
     both = [[links_of(robot, q[k]) for q in (beside.measured, beside.simulated)] for k in samples]
@@ -87,13 +81,7 @@ def ghost(beside: SimulatedBeside, robot: Robot) -> Drawing:
 
 
 def position_error(beside: SimulatedBeside, robot: Robot) -> Drawing:
-    """Error of the simulated positions: over time along commands, and over the horizon under a recorded torque.
-
-    Parameters
-    ----------
-    beside : SimulatedBeside
-    robot : Robot
-    """
+    """Error of the simulated positions: over time along commands, and over the horizon under a recorded torque."""
     return _over_time(beside, robot) if beside.closed else _over_horizon(beside, robot)
 
 

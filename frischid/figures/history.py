@@ -71,7 +71,6 @@ def staircase(model: Model, error: Headline) -> Drawing:
 
     Parameters
     ----------
-    model : Model
     error : Headline
         The model's error where the staircase is shown.
     """

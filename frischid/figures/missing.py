@@ -32,7 +32,6 @@ def shape(found: Shape, title: str, sliding: bool = False) -> Drawing:
 
     Parameters
     ----------
-    found : Shape
     title : str
         Title of the effect.
     sliding : bool

@@ -1,6 +1,6 @@
 """A planned motion: its curves, and the robot that moves along it.
 
-The robot is drawn as lines between its joints (`frischid.robot.skeleton`), so the page needs no mesh and opens offline.
+The robot is drawn as lines between its joints (`skeleton`), so the page needs no mesh and opens offline.
 """
 
 from __future__ import annotations
@@ -13,7 +13,7 @@ from plotly.subplots import make_subplots
 
 from frischid.core.types import Array
 from frischid.figures.style import BLUE, COLOURS, DASHES, VERMILION, plain
-from frischid.robot.skeleton import skeleton
+from frischid.robot.kinematic_tree import skeleton
 
 if TYPE_CHECKING:
     from frischid.motions.plan import Plan
@@ -73,7 +73,6 @@ def animated(plan: Plan, robot: Robot) -> go.Figure:
 
     Parameters
     ----------
-    plan : Plan
     robot : Robot
         The robot of the plan.
     """

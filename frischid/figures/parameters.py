@@ -44,7 +44,6 @@ def intervals(model: Model, nominal: Array | None = None, truth: Array | None = 
 
     Parameters
     ----------
-    model : Model
     nominal, truth : ndarray, shape (p,), optional
         Base parameters of the URDF, and of a simulated robot.
     """

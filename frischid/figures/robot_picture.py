@@ -20,8 +20,8 @@ from scipy import optimize
 from frischid.core.types import Array
 from frischid.figures.style import COLOURS, short
 from frischid.model.grade import fifth
+from frischid.robot.kinematic_tree import skeleton
 from frischid.robot.robot import Robot
-from frischid.robot.skeleton import skeleton
 
 STEPS = ("#009e73", "#56b4e9", "#e69f00", "#d55e00", "#a02c2c")
 """Colours of the fifths of the scale, from good to bad: Okabe and Ito's, and a dark red."""
@@ -42,7 +42,6 @@ def robot_picture(robot: Robot, q: Array, joints: Mapping[str, tuple[float, floa
 
     Parameters
     ----------
-    robot : Robot
     q : ndarray, shape (J,)
         Pose, rad (m).
     joints : mapping of str to (float, float, float)

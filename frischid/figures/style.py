@@ -48,24 +48,16 @@ EXPLAINED = {"load": "load (the model's torque)", "t": "time from the log's begi
 
 @dataclass(frozen=True, eq=False)
 class Drawing:
-    """A figure with the text that a reader needs beside the figure.
-
-    Attributes
-    ----------
-    title : str
-        Name of the figure.
-    reading : str
-        Explanation of the figure, in one line.
-    figure : plotly Figure
-        Has no title of its own.
-    height : int
-        Height, pixels.
-    """
+    """A figure with the text that a reader needs beside the figure."""
 
     title: str
+    """Name of the figure."""
     reading: str
+    """Explanation of the figure, in one line."""
     figure: go.Figure
+    """Has no title of its own."""
     height: int
+    """Height, pixels."""
 
     @property
     def legend(self) -> bool:

@@ -48,20 +48,13 @@ EXCLUDED = "#f3d9b1"
 
 @dataclass(frozen=True, eq=False)
 class Overlay:
-    """Another model along the same samples.
-
-    Attributes
-    ----------
-    name : str
-        For legends.
-    prediction : Prediction
-    visible : bool
-        Whether the curves are shown at first.
-    """
+    """Another model along the same samples."""
 
     name: str
+    """For legends."""
     prediction: Prediction
     visible: bool = True
+    """Whether the curves are shown at first."""
 
 
 def measured(
@@ -78,10 +71,8 @@ def measured(
 
     Parameters
     ----------
-    prediction : Prediction
     comparison : Comparison
         On the same logs.
-    joint : str
     left_out : mapping of str to sequence of (str, float, float), optional
         Reason ("contact") -> log, start and stop, s: stretches of time that are left out of the joint's diagnosis.
     sliding : bool

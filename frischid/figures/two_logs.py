@@ -27,7 +27,6 @@ def two_logs(prediction: Prediction, joint: str, sliding: bool = False) -> Drawi
     ----------
     prediction : Prediction
         Along at least two logs.
-    joint : str
     sliding : bool
         Whether the joint is prismatic.
     """

@@ -42,59 +42,40 @@ LEAST_ROBOTS = 12  # fewest robots for an empirical null
 
 @dataclass(frozen=True, eq=False)
 class Deviation:
-    """Comparison of one robot with the others.
-
-    Attributes
-    ----------
-    own : Estimate or None
-        Its own parameters; None when its logs do not determine all of them.
-    reason : str
-        Why its logs do not determine all parameters; empty where they do.
-    statistic : float
-        Λ before κ.
-    rank : int
-        Number of parameter directions that its motion excited.
-    inflation : float
-        κ of its own residuals; NaN when it has too few blocks of time.
-    shift : ndarray, shape (p,)
-        δ = H⁺s, the difference of its parameters from the others'.
-    error_fleet, error_own : ndarray, shape (J,)
-        Rms residual with the parameters of the others, and with its own, over the torque's standard deviation.
-    pull : ndarray, shape (p,)
-        Change of the fleet's parameters when this robot is left out: its part in their jackknife.
-    usual : float
-        In a small fleet, the mean of Λ over its rank of the other robots among themselves; otherwise NaN.
-    """
+    """Comparison of one robot with the others."""
 
     own: Estimate | None
+    """Its own parameters; None when its logs do not determine all of them."""
     reason: str
+    """Why its logs do not determine all parameters; empty where they do."""
     statistic: float
+    """Λ before κ."""
     rank: int
+    """Number of parameter directions that its motion excited."""
     inflation: float
+    """κ of its own residuals; NaN when it has too few blocks of time."""
     shift: Array
+    """δ = H⁺s, the difference of its parameters from the others', (p,)."""
     error_fleet: Array
     error_own: Array
+    """`error_fleet`, `error_own`: Rms residual with the parameters of the others, and with its own, over the torque's
+    standard deviation, (J,)."""
     pull: Array
+    """Change of the fleet's parameters when this robot is left out, (p,): its part in their jackknife."""
     usual: float = np.nan
+    """In a small fleet, the mean of Λ over its rank of the other robots among themselves; otherwise NaN."""
 
 
 @dataclass(frozen=True, eq=False)
 class Centre:
-    """The centre that the robots of a fleet are compared with: parameters fitted to all of them.
-
-    Attributes
-    ----------
-    weights : ndarray, shape (J,)
-        Weights of the joints.
-    prior : Prior or None
-        A prior of the parameters, which acts like one further log; None: the logs alone.
-    theta : ndarray, shape (p,)
-        Least squares of the whole fleet with both.
-    """
+    """The centre that the robots of a fleet are compared with: parameters fitted to all of them."""
 
     weights: Array
+    """Weights of the joints, (J,)."""
     prior: Prior | None
+    """A prior of the parameters, which acts like one further log; None: the logs alone."""
     theta: Array
+    """Least squares of the whole fleet with both, (p,)."""
 
     @classmethod
     def of(cls, whole: Gram, weights: Array, prior: Prior | None = None) -> Centre:
@@ -205,21 +186,14 @@ def _rms(whole: Gram, theta: Array) -> Array:
 
 @dataclass(frozen=True)
 class Null:
-    """Distribution of Λ among robots that are alike: Λ per excited direction is ``scale χ²(freedom) / freedom``.
-
-    Attributes
-    ----------
-    scale : float
-        κ: mean of Λ over its rank.
-    freedom : float or None
-        ν; None: the rank of each robot's own moments.
-    within : float
-        Part of κ that comes from the correlation of residuals in time.
-    """
+    """Distribution of Λ among robots that are alike: Λ per excited direction is ``scale χ²(freedom) / freedom``."""
 
     scale: float
+    """κ: mean of Λ over its rank."""
     freedom: float | None
+    """ν; None: the rank of each robot's own moments."""
     within: float
+    """Part of κ that comes from the correlation of residuals in time."""
 
     @classmethod
     def of(cls, found: Sequence[Deviation], robots: int) -> Null:
@@ -255,21 +229,14 @@ class Null:
 
 @dataclass(frozen=True)
 class Change:
-    """Parameters of one effect on one joint that differ from the fleet's.
-
-    Attributes
-    ----------
-    effect, joint : str
-    values : dict of str to (float, float)
-        Parameter -> value in the fleet, value in this robot.
-    error_after : float
-        Mean NRMSE when these parameters, and those of earlier changes, are fitted to this robot.
-    """
+    """Parameters of one effect on one joint that differ from the fleet's."""
 
     effect: str
     joint: str
     values: dict[str, tuple[float, float]]
+    """Parameter -> value in the fleet, value in this robot."""
     error_after: float
+    """Mean NRMSE when these parameters, and those of earlier changes, are fitted to this robot."""
 
 
 def changes(whole: Gram, theta0: Array, inflation: float) -> list[Change]:

@@ -123,15 +123,10 @@ def identify_fleet(
         The design that all robots of the fleet share.
     logs : sequence of LogPath
         Their logs, as `frischid.fleet.log_paths.find_logs` gives them.
-    options : FleetOptions, optional
     workers : Workers, optional
         Processes that do the work; this process by default.
     progress : callable
         Called with a few words at each stage.
-
-    Returns
-    -------
-    Fleet
 
     Raises
     ------

@@ -250,17 +250,11 @@ def paired(one: RobotMoments, flag: bool) -> tuple[RobotMoments, bool]:
 
 @dataclass(frozen=True)
 class Explaining:
-    """Options for explaining a robot that differs.
-
-    Attributes
-    ----------
-    mapping : LogMap or None
-    inflation : float
-        Number of samples that count as one, κ of the fleet (`frischid.fleet.deviation.Null`).
-    """
+    """Options for explaining a robot that differs."""
 
     mapping: LogMap | None
     inflation: float
+    """Number of samples that count as one, κ of the fleet (`frischid.fleet.deviation.Null`)."""
 
 
 def explain(

@@ -18,34 +18,23 @@ SAME_ERROR = 1.1
 
 @dataclass(frozen=True, eq=False)
 class Member:
-    """Results of one robot.
-
-    Attributes
-    ----------
-    name : str
-    logs, samples, seconds
-        Numbers of logs and samples, and their length.
-    deviation : Deviation
-        Its own parameters, and their difference from the fleet's.
-    excess : float
-        Its difference from the others, as a multiple of the usual difference in this fleet (see `deviation.Null`).
-    p_value : float
-        P value of this difference, corrected for the number of robots.
-    changes : tuple of Change
-        Parameters of the model that differ from the fleet's; only for robots that differ.
-    finding : Finding or None
-        Effect that explains most of its error, from `diagnose`; only for robots that differ.
-    """
+    """Results of one robot."""
 
     name: str
     logs: int
     samples: int
     seconds: float
+    """`logs`, `samples`, `seconds`: Numbers of logs and samples, and their length."""
     deviation: Deviation
+    """Its own parameters, and their difference from the fleet's."""
     excess: float
+    """Its difference from the others, as a multiple of the usual difference in this fleet (see `deviation.Null`)."""
     p_value: float
+    """P value of this difference, corrected for the number of robots."""
     changes: tuple[Change, ...] = ()
+    """Parameters of the model that differ from the fleet's; only for robots that differ."""
     finding: Finding | None = None
+    """Effect that explains most of its error, from `diagnose`; only for robots that differ."""
 
     @property
     def differs(self) -> bool:
@@ -73,33 +62,22 @@ class Member:
 
 @dataclass(frozen=True, eq=False)
 class Fleet:
-    """Result of `frischid.fleet.fleet.identify_fleet`.
-
-    Attributes
-    ----------
-    model : Model
-        The model with the parameters that the robots share.
-    members : tuple of Member
-        All robots, the largest difference from the fleet first.
-    skipped : tuple of Skipped
-        Logs that could not be used.
-    null : Null
-        Distribution of the usual differences between its robots.
-    where : str
-        The processes that did the work.
-    notes, warnings : tuple of str
-    alarms : tuple of Alarm
-        Reasons not to trust the shared parameters, nor the list of robots that differ from them.
-    """
+    """Result of `frischid.fleet.fleet.identify_fleet`."""
 
     model: Model
+    """The model with the parameters that the robots share."""
     members: tuple[Member, ...]
+    """All robots, the largest difference from the fleet first."""
     skipped: tuple[Skipped, ...]
+    """Logs that could not be used."""
     null: Null
+    """Distribution of the usual differences between its robots."""
     where: str
+    """The processes that did the work."""
     notes: tuple[str, ...]
     warnings: tuple[str, ...]
     alarms: tuple[Alarm, ...] = ()
+    """Reasons not to trust the shared parameters, nor the list of robots that differ from them."""
 
     @property
     def different(self) -> tuple[Member, ...]:

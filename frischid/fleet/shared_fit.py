@@ -30,23 +30,15 @@ from frischid.regression.regressor import Regressor
 
 @dataclass(frozen=True, eq=False)
 class SharedFit:
-    """A fit to all robots.
-
-    Attributes
-    ----------
-    whole : Gram
-        Sum of the robots' moments.
-    estimate : Estimate
-    posterior : MapEstimate or None
-        Of all parameters; None: the logs alone.
-    mapping : ndarray, shape (p, C)
-        Regrouping of all parameters into base parameters.
-    """
+    """A fit to all robots."""
 
     whole: Gram
+    """Sum of the robots' moments."""
     estimate: Estimate
     posterior: MapEstimate | None
+    """Of all parameters; None: the logs alone."""
     mapping: Array
+    """Regrouping of all parameters into base parameters, (p, C)."""
 
     @cached_property
     def prior(self) -> Prior | None:
@@ -69,8 +61,6 @@ def shared_fit(parts: Sequence[Gram], regressor: Regressor, reduction: Reduction
     ----------
     parts : sequence of Gram
         Moments of groups of robots.
-    regressor : Regressor
-    reduction : Reduction
     prior : {"urdf", "none"}
 
     Raises

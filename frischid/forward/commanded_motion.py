@@ -40,7 +40,6 @@ def commanded_source(controller: PDController, log: Log | Recording, joints: Seq
 
     Parameters
     ----------
-    controller : PDController
     log : Log or Recording
         With commanded positions of all joints. Only the commands of a recording are held in memory.
     joints : sequence of str
@@ -110,8 +109,6 @@ def moved(
 
     Parameters
     ----------
-    model : Model
-    logs : sequence of Log or Recording
     sources : sequence of TorqueSource, optional
         Source of each log. By default the model's controller for a log of commands, and the recorded torque otherwise.
     """

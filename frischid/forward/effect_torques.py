@@ -81,8 +81,6 @@ class EffectTorques:
 
     Parameters
     ----------
-    robot : Robot
-    effects : sequence of Effect
     theta : ndarray, shape (P, C)
         Values of all columns of the regressor, one row per set of parameters.
     reference : mapping of str to float, optional

@@ -35,8 +35,8 @@ from frischid.logs.preprocessing import Motion
 from frischid.model.comparison import urdf_parameters
 from frischid.model.model import Model
 from frischid.model.model_argument import check_model
+from frischid.robot.kinematic_tree import tip_joint, tip_positions
 from frischid.robot.robot import Robot
-from frischid.robot.tip import tip_joint, tip_positions
 
 HORIZONS = (0.1, 0.5, 1.0, 2.0, 5.0)
 """s. Horizons that are reported, as far as the logs are longer."""
@@ -268,8 +268,6 @@ def simulated_from(
     ----------
     forward : ForwardDynamics
         Of two sets of parameters.
-    motion : Motion
-    source : TorqueSource
     samples : ndarray of int, shape (starts,)
         Samples of the motion whose states the simulations start from.
     when : tuple of ndarray of int, shape (times,), and float
@@ -290,7 +288,6 @@ def position_errors(robot: Robot, simulated: Array, measured: Array) -> Array:
 
     Parameters
     ----------
-    robot : Robot
     simulated : ndarray, shape (2, N, J)
         rad (m); not finite where a simulated motion became unstable. The errors are infinite there.
     measured : ndarray, shape (N, J)

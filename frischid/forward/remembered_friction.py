@@ -23,8 +23,6 @@ class RememberedFriction:
 
     Parameters
     ----------
-    robot : Robot
-    effect : Hysteresis or CableHose
     values : ndarray, shape (P, columns)
         Coefficients of the effect's columns.
     """

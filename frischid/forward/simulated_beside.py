@@ -35,28 +35,19 @@ RESTART = 1.0
 
 @dataclass(frozen=True, eq=False)
 class SimulatedBeside:
-    """Measured and simulated positions of one log.
-
-    Attributes
-    ----------
-    source : str
-    t : ndarray, shape (N,)
-        Time since the log's beginning, s.
-    measured, simulated : ndarray, shape (N, J)
-        rad (m); NaN after a simulated motion became unstable.
-    length : int
-        Samples from one start to the next; N for a log of commands.
-    errors : ndarray, shape (2, N, J + 1)
-        Errors of the model's positions and of those of the URDF with fitted friction, rad (m); the last column is the
-        distance at the tip, mm. Infinite after a simulated motion became unstable.
-    """
+    """Measured and simulated positions of one log."""
 
     source: str
     t: Array
+    """Time since the log's beginning, s, (N,)."""
     measured: Array
     simulated: Array
+    """`measured`, `simulated`: rad (m), (N, J); NaN after a simulated motion became unstable."""
     length: int
+    """Samples from one start to the next; N for a log of commands."""
     errors: Array
+    """Errors of the model's positions and of those of the URDF with fitted friction, rad (m), (2, N, J + 1); the last
+    column is the distance at the tip, mm. Infinite after a simulated motion became unstable."""
 
     @property
     def closed(self) -> bool:
@@ -80,7 +71,6 @@ def simulated_beside(model: Model, logs: Sequence[Log | Recording]) -> Simulated
 
     Parameters
     ----------
-    model : Model
     logs : sequence of Log or Recording
         As read, without the torque of the model's controller.
 

@@ -113,7 +113,6 @@ def started(starts: Starts, joints: Sequence[str], sets: int) -> tuple[Array, Ar
 
     Parameters
     ----------
-    starts : Starts
     joints : sequence of str
         The robot's J joints.
     sets : int
@@ -164,21 +163,14 @@ def delay_of(source: TorqueSource) -> float:
 
 @dataclass(eq=False)
 class Given:
-    """Values given in the steps of a simulation so far, as far as later steps need them; the steps may differ.
-
-    Attributes
-    ----------
-    clock : float
-        End of the last step since the first one began, s.
-    middles : list of float
-        Middle of each step that is kept, on this clock, s.
-    values : list of ndarray
-        What was given there.
-    """
+    """Values given in the steps of a simulation so far, as far as later steps need them; the steps may differ."""
 
     clock: float = 0.0
+    """End of the last step since the first one began, s."""
     middles: list[float] = field(default_factory=list)
+    """Middle of each step that is kept, on this clock, s."""
     values: list[Array] = field(default_factory=list)
+    """What was given there."""
 
     def held_back(self, now: Array, h: float, by: float) -> Array:
         """The value given `by` seconds before the middle of a step of length `h`, which is given `now`.

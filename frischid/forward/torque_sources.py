@@ -182,18 +182,12 @@ class PositionController:
 
 @dataclass(frozen=True, eq=False)
 class TorqueFunction:
-    """A function ``(t, q, v) -> tau`` as a source, for controllers of one's own.
-
-    Attributes
-    ----------
-    function : callable
-        Takes times (K,), positions and velocities (K, J), and returns the torque (K, J).
-    delay : float
-        s.
-    """
+    """A function ``(t, q, v) -> tau`` as a source, for controllers of one's own."""
 
     function: Callable[[Array, Array, Array], Array]
+    """Takes times (K,), positions and velocities (K, J), and returns the torque (K, J)."""
     delay: float = 0.0
+    """s."""
 
     def torque(self, t: Array, q: Array, v: Array) -> Array:
         """The torque that the function returns."""

@@ -72,7 +72,6 @@ def bag_tables(
         "t_record"`` the recorder's clock is taken instead of the header's.
     joints : sequence of str, optional
         The robot's joints. If messages of several sets of joints are mixed, the set with most of these joints is read.
-    rows : int
 
     Raises
     ------

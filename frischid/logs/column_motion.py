@@ -77,7 +77,6 @@ def unexplained(robot: Robot, grid: Grid, q: Sequence[int], tau: Sequence[int]) 
     ----------
     robot : Robot
         With J joints.
-    grid : Grid
     q, tau : sequence of int
         Columns of the positions and torques, in the order of the robot's joints.
     """

@@ -210,7 +210,6 @@ def assign(names: Mapping[str, str], joints: Sequence[str], known: Mapping[int, 
     ----------
     names : mapping of str to str
         Column -> the rest of its name, as `split` gives it.
-    joints : sequence of str
     known : mapping of int to str, optional
         Number -> joint, where another channel has settled what the numbers mean.
     """

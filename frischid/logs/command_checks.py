@@ -38,12 +38,7 @@ MISTAKES = {
 
 
 def check_commands(log: Log) -> None:
-    """Refuse a log whose commands never move, or have another unit or sign than its positions.
-
-    Raises
-    ------
-    InputError
-    """
+    """Refuse (InputError) a log whose commands never move, or have another unit or sign than its positions."""
     if log.qcmd is None:
         return
     span = np.ptp(log.qcmd[:, log.has("qcmd")], axis=0).max()
@@ -108,12 +103,7 @@ def _slower_half(command: Array, position: Array) -> tuple[Array, Array]:
 
 
 def check_delay(delay: Array, joints: Sequence[str], log: Log) -> None:
-    """Refuse a delay longer than `MOST_DELAY_STEPS` steps of a log.
-
-    Raises
-    ------
-    InputError
-    """
+    """Refuse (InputError) a delay longer than `MOST_DELAY_STEPS` steps of a log."""
     longest, step = int(np.argmax(delay)), 1.0 / log.rate
     if delay[longest] > MOST_DELAY_STEPS * step:
         raise InputError(

@@ -51,12 +51,7 @@ def fits_in_memory(paths: Iterable[Path]) -> bool:
 
 
 def check_size(path: Path) -> None:
-    """Refuse a file whose numbers are too many to be read as a whole.
-
-    Raises
-    ------
-    InputError
-    """
+    """Refuse (InputError) a file whose numbers are too many to be read as a whole."""
     if (size := content_bytes(path)) > MOST_BYTES:
         raise InputError(
             f"{path}: holds {size / 2**30:.1f} GiB of numbers, and at most {MOST_BYTES / 2**30:g} GiB are read as a "

@@ -15,12 +15,7 @@ from frischid.logs.log import GARBAGE
 
 
 def check_limits(limit: Array, joints: Sequence[str]) -> None:
-    """Refuse an effort limit of a joint whose kd, and so whose whole torque, is not known.
-
-    Raises
-    ------
-    InputError
-    """
+    """Refuse (InputError) an effort limit of a joint whose kd, and so whose whole torque, is not known."""
     limited = [joint for joint, x in zip(joints, limit, strict=True) if np.isfinite(x)]
     if limited:
         raise InputError(
@@ -31,12 +26,7 @@ def check_limits(limit: Array, joints: Sequence[str]) -> None:
 
 
 def check_value(name: str, joint: str, value: Any) -> None:
-    """Refuse a value that is no number, or has the wrong sign.
-
-    Raises
-    ------
-    InputError
-    """
+    """Refuse (InputError) a value that is no number, or has the wrong sign."""
     of = f" of {joint}" if joint else ""
     if isinstance(value, bool) or not isinstance(value, int | float) or not abs(value) < GARBAGE:
         raise InputError(f"the controller's {name}{of} must be a number below {GARBAGE:g}, got {shortened(value)}")

@@ -46,8 +46,6 @@ def log_of_table(
 
     Parameters
     ----------
-    table : Table
-    form : LogMap
     joints : sequence of str, optional
         The robot's joints, in the desired order.
     start : ndarray, shape (1,)

@@ -63,41 +63,27 @@ MOST_OF_RATE = 0.2
 
 
 class JointSpectrum(NamedTuple):
-    """Figures from the spectra of one joint's position and torque.
-
-    Attributes
-    ----------
-    band : float
-        Bandwidth of the motion, Hz.
-    noise : float
-        ``S_0 / 5 ∫ f⁴ S_q df``: share of the acceleration's power that is position noise, at a cut-off of 1 Hz. Zero
-        where the log holds a measured acceleration.
-    clear : float
-        Frequency at which the torque nears its noise floor, Hz; NaN: nowhere.
-    """
+    """Figures from the spectra of one joint's position and torque."""
 
     band: float
+    """Bandwidth of the motion, Hz."""
     noise: float
+    """``S_0 / 5 ∫ f⁴ S_q df``: share of the acceleration's power that is position noise, at a cut-off of 1 Hz. Zero
+    where the log holds a measured acceleration."""
     clear: float
+    """Frequency at which the torque nears its noise floor, Hz; NaN: nowhere."""
 
 
 @dataclass(frozen=True)
 class LogSpectra:
-    """Spectra of some logs, joint by joint; those of several logs add.
-
-    Attributes
-    ----------
-    joints : tuple of JointSpectrum
-        Of every joint of every log that moves.
-    rate : float
-        Lowest sampling rate, Hz.
-    at_rest : bool
-        Whether the arm stands still in one of the logs.
-    """
+    """Spectra of some logs, joint by joint; those of several logs add."""
 
     joints: tuple[JointSpectrum, ...] = ()
+    """Of every joint of every log that moves."""
     rate: float = np.inf
+    """Lowest sampling rate, Hz."""
     at_rest: bool = False
+    """Whether the arm stands still in one of the logs."""
 
     def __add__(self, other: LogSpectra) -> LogSpectra:
         at_rest = self.at_rest or other.at_rest
@@ -160,13 +146,8 @@ def choose_lowpass(logs: Sequence[Log], joints: Sequence[str]) -> LowPass:
 
     Parameters
     ----------
-    logs : sequence of Log
     joints : sequence of str
         Joints whose torque is fitted.
-
-    Returns
-    -------
-    LowPass
     """
     return sum((spectra_of(log, joints) for log in logs), LogSpectra()).lowpass()
 
@@ -188,13 +169,8 @@ def spectra_of(log: Log, joints: Sequence[str]) -> LogSpectra:
 
     Parameters
     ----------
-    log : Log
     joints : sequence of str
         Joints whose torque is fitted.
-
-    Returns
-    -------
-    LogSpectra
     """
     return _SPECTRA.of(log, tuple(joints), lambda: _spectra_of(log, joints))
 

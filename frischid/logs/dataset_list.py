@@ -18,20 +18,13 @@ Table = dict[str, Any]
 
 
 class Archive(NamedTuple):
-    """A file that holds the data set's files, and that the user unpacks: Python reads no RAR.
-
-    Attributes
-    ----------
-    address : str
-    size : int
-        Bytes.
-    md5 : str
-        Checksum that another user of the data published.
-    """
+    """A file that holds the data set's files, and that the user unpacks: Python reads no RAR."""
 
     address: str
     size: int
+    """Bytes."""
     md5: str
+    """Checksum that another user of the data published."""
 
     @property
     def name(self) -> str:
@@ -41,40 +34,27 @@ class Archive(NamedTuple):
 
 @dataclass(frozen=True)
 class Dataset:
-    """One public data set.
-
-    Attributes
-    ----------
-    title : str
-    page : str
-        Web page about the data set.
-    licence, citation : str
-        Printed with every fetch.
-    address : str
-        Prefix of the files' addresses.
-    files : mapping of str to str
-        Path after `address` -> SHA-256. The commit is in one of the two. An empty checksum: none is known, the file is
-        put into a folder by hand, and `layout` checks its contents.
-    logs : mapping of str to str
-        Name of a log to make -> its file, or its folder of files.
-    layout : callable
-        Makes a log's columns from such a file or folder.
-    remarks : str
-        A warning about the data.
-    archive : Archive or None
-        The file that holds the others.
-    """
+    """One public data set."""
 
     title: str
     page: str
+    """Web page about the data set."""
     licence: str
     citation: str
+    """`licence`, `citation`: Printed with every fetch."""
     address: str
+    """Prefix of the files' addresses."""
     files: Mapping[str, str]
+    """Path after `address` -> SHA-256. The commit is in one of the two. An empty checksum: none is known, the file is
+    put into a folder by hand, and `layout` checks its contents."""
     logs: Mapping[str, str]
+    """Name of a log to make -> its file, or its folder of files."""
     layout: Callable[[Path], Table]
+    """Makes a log's columns from such a file or folder."""
     remarks: str = ""
+    """A warning about the data."""
     archive: Archive | None = None
+    """The file that holds the others."""
 
 
 def _by_channel(folder: Path) -> Table:

@@ -29,24 +29,16 @@ LATE_VELOCITY = 0.05
 
 @dataclass(frozen=True, eq=False)
 class Derivatives:
-    """Derivatives of one stretch, from its positions and from its measured velocities.
-
-    Attributes
-    ----------
-    q : ndarray, shape (N, J)
-        Positions on a uniform grid, rad (m).
-    v_measured : ndarray, shape (N, J)
-        Measured velocities, rad/s (m/s); NaN where there are none.
-    step : float
-        Time between samples, s.
-    lowpass : LowPass
-        The filter: measured and derived values are compared within its band.
-    """
+    """Derivatives of one stretch, from its positions and from its measured velocities."""
 
     q: Array
+    """Positions on a uniform grid, rad (m), (N, J)."""
     v_measured: Array
+    """Measured velocities, rad/s (m/s), (N, J); NaN where there are none."""
     step: float
+    """Time between samples, s."""
     lowpass: LowPass
+    """The filter: measured and derived values are compared within its band."""
 
     @cached_property
     def taps(self) -> tuple[Array, Array]:

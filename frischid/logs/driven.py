@@ -26,14 +26,7 @@ _DRIVEN = Remembered[Log | None]()
 def driven(
     logs: Iterable[Log | Recording], controller: PDController | None, currents: CurrentGains | None = None
 ) -> tuple[Log | Recording, ...]:
-    """Logs with the torque that a controller gives, or that currents give; as they are without both.
-
-    Parameters
-    ----------
-    logs : iterable of Log or Recording
-    controller : PDController or None
-    currents : CurrentGains, optional
-    """
+    """Logs with the torque that a controller gives, or that currents give; as they are without both."""
     found = tuple(logs)
     if controller is not None:
         found = tuple(

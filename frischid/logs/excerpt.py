@@ -27,34 +27,23 @@ STRETCHES = 16
 
 @dataclass(frozen=True, eq=False)
 class Excerpt:
-    """A log for figures, and the clock of the whole log.
-
-    Attributes
-    ----------
-    log : Log
-        The stretches, or the whole log where it is not long.
-    first : Log
-        The first stretch, without a jump in time.
-    samples : int
-        Of the whole log.
-    seconds, rate : float
-        Of the whole log, s and Hz.
-    steps : tuple of float
-        Shortest and longest time step of the whole log, s.
-    gaps : int
-        Steps above five times the usual one.
-    said : str
-        What the excerpt omits; empty where it is the whole log.
-    """
+    """A log for figures, and the clock of the whole log."""
 
     log: Log
+    """The stretches, or the whole log where it is not long."""
     first: Log
+    """The first stretch, without a jump in time."""
     samples: int
+    """Of the whole log."""
     seconds: float
     rate: float
+    """`seconds`, `rate`: Of the whole log, s and Hz."""
     steps: tuple[float, float]
+    """Shortest and longest time step of the whole log, s."""
     gaps: int
+    """Steps above five times the usual one."""
     said: str = ""
+    """What the excerpt omits; empty where it is the whole log."""
 
 
 def as_recording(log: Log | Recording) -> Log | Recording:
@@ -72,10 +61,6 @@ def as_recording(log: Log | Recording) -> Log | Recording:
 
 def excerpt(log: Log | Recording) -> Excerpt:
     """Evenly spread stretches of a long log, in one pass over its samples.
-
-    Parameters
-    ----------
-    log : Log or Recording
 
     Returns
     -------

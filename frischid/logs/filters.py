@@ -44,16 +44,6 @@ BLOCK_OF_TAPS = 8  # length of a block over that of a filter: a block costs N lo
 class LowPass:
     """The zero-phase filter applied to torque and regressor columns alike.
 
-    Attributes
-    ----------
-    cutoff : float or None
-        Frequency of half amplitude, Hz; None: nothing is filtered. Nor are samples for whose rate the cut-off is too
-        high (`HIGHEST_CUTOFF`).
-    reason : str
-        Reason for this cut-off.
-    torque_lag : float
-        Time by which the recorded torque is late, s: the torque of the motion at t was recorded at t + `torque_lag`.
-
     Raises
     ------
     InputError
@@ -69,8 +59,12 @@ class LowPass:
     """
 
     cutoff: float | None
+    """Frequency of half amplitude, Hz; None: nothing is filtered. Nor are samples for whose rate the cut-off is too
+    high (`HIGHEST_CUTOFF`)."""
     reason: str = "given by the user"
+    """Reason for this cut-off."""
     torque_lag: float = 0.0
+    """Time by which the recorded torque is late, s: the torque of the motion at t was recorded at t + `torque_lag`."""
 
     def __post_init__(self) -> None:
         if not np.isfinite(self.torque_lag):

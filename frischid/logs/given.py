@@ -34,17 +34,12 @@ def as_logs(
 
     Parameters
     ----------
-    given : sequence of Log, Recording or data frame, or one data frame
     joints : sequence of str
         The robot's joints.
     mapping : LogMap, mapping or path of a TOML file, optional
         Names and units of the columns of the data frames.
     name : str
         Name of the argument in messages.
-
-    Returns
-    -------
-    list of Log or Recording
 
     Raises
     ------

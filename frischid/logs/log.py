@@ -316,7 +316,6 @@ def check_torque(log: Log, joints: Sequence[str] | None = None) -> None:
 
     Parameters
     ----------
-    log : Log
     joints : sequence of str, optional
         Joints that must have a torque, all by default.
     """

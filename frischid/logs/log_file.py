@@ -22,31 +22,17 @@ MOST_MAPPING_BYTES = 1 << 20
 
 @dataclass(frozen=True)
 class StoredFile:
-    """A file as it was when it was read.
-
-    Attributes
-    ----------
-    path : str
-    sha256 : str
-    bytes : int
-        Its size; of a folder, that of its files together.
-    """
+    """A file as it was when it was read."""
 
     path: str
     sha256: str
     bytes: int
+    """Its size; of a folder, that of its files together."""
 
 
 @dataclass(frozen=True)
 class LogFile:
-    """The file of a log, and the mapping file that explained its columns, if there was one.
-
-    Attributes
-    ----------
-    path : str
-    bytes : int
-    mapping : StoredFile or None
-    """
+    """The file of a log, and the mapping file that explained its columns, if there was one."""
 
     path: str
     bytes: int

@@ -40,33 +40,7 @@ from frischid.logs.mapping_rules import DEFAULT_RULES, FILE_RULES, JOINT_RULES, 
 
 @dataclass(frozen=True)
 class JointMap:
-    """Recording of one joint. A key that is not given has the value of a log in frischid's own layout.
-
-    Attributes
-    ----------
-    q, v, a, tau, current, qcmd, vcmd, tauff : str or int, optional
-        Column name, or number from 0; otherwise the template under ``[default]``.
-    sign : {1, -1}
-        Direction of the recorded axis: factor of all channels.
-    offset : float
-        Added to q and qcmd after sign, unit and gear [rad or m].
-    gear_ratio : float
-        Gear ratio if the columns are motor-side: q, v, a, qcmd, vcmd are divided by it, tau and tauff are multiplied.
-    velocity_factor : float
-        Further factor of v and vcmd only, where their unit is not that of the positions per second: 0.10472 for rpm.
-    torque_sign : {1, -1}
-        Further factor of tau, tauff and current only.
-    torque_factor : float
-        Further factor of tau and tauff only: their unit, N·m per unit of the column.
-    current_factor : float
-        Further factor of current only: its unit, A per unit of the column.
-    current_gain : float, optional
-        Joint-side torque per ampere [N·m/A]: ``tau = current_gain · current`` where there is no tau column.
-    tau_from : {"tau", "current"}, optional
-        Channel that gives the torque, if both are recorded.
-    angle_unit : {"rad", "deg", "m", "mm"}, optional
-        Unit of this joint, if it differs from the file's (a prismatic joint in a file of degrees: ``"m"``, ``"mm"``).
-    """
+    """Recording of one joint. A key that is not given has the value of a log in frischid's own layout."""
 
     q: str | int | None = None
     v: str | int | None = None
@@ -76,16 +50,28 @@ class JointMap:
     qcmd: str | int | None = None
     vcmd: str | int | None = None
     tauff: str | int | None = None
+    """`q`, `v`, `a`, `tau`, `current`, `qcmd`, `vcmd`, `tauff`: Column name, or number from 0; otherwise the template
+    under ``[default]``."""
     sign: int = 1
+    """Direction of the recorded axis: factor of all channels."""
     offset: float = 0.0
+    """Added to q and qcmd after sign, unit and gear [rad or m]."""
     gear_ratio: float = 1.0
+    """Gear ratio if the columns are motor-side: q, v, a, qcmd, vcmd are divided by it, tau and tauff are multiplied."""
     velocity_factor: float = 1.0
+    """Further factor of v and vcmd only, where their unit is not that of the positions per second: 0.10472 for rpm."""
     torque_sign: int = 1
+    """Further factor of tau, tauff and current only."""
     torque_factor: float = 1.0
+    """Further factor of tau and tauff only: their unit, N·m per unit of the column."""
     current_factor: float = 1.0
+    """Further factor of current only: its unit, A per unit of the column."""
     current_gain: float | None = None
+    """Joint-side torque per ampere [N·m/A]: ``tau = current_gain · current`` where there is no tau column."""
     tau_from: str | None = None
+    """Channel that gives the torque, if both are recorded."""
     angle_unit: str | None = None
+    """Unit of this joint, if it differs from the file's (a prismatic joint in a file of degrees: ``"m"``, ``"mm"``)."""
 
 
 @dataclass(frozen=True)

@@ -52,8 +52,6 @@ def propose(path: str | Path, robot: Robot, rate: float | None = None) -> Propos
 
     Parameters
     ----------
-    path : str or Path
-    robot : Robot
     rate : float, optional
         Samples per second, for a file without time.
 

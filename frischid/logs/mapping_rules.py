@@ -21,21 +21,14 @@ TABLES = ("file", "default", "joint", "current_gain", "layout")
 
 
 class Rule(NamedTuple):
-    """The values that one key may have.
-
-    Attributes
-    ----------
-    is_right : callable
-        Whether a value may stand there.
-    expected : str
-        The same in words, after "expected".
-    schema : dict
-        The same as JSON Schema.
-    """
+    """The values that one key may have."""
 
     is_right: Callable[[Any], bool]
+    """Whether a value may stand there."""
     expected: str
+    """The same in words, after "expected"."""
     schema: dict[str, Any]
+    """The same as JSON Schema."""
 
 
 def _one_of(*options: Any) -> Rule:

@@ -43,30 +43,19 @@ GAP_STEPS = 5.0
 
 
 class Poses(NamedTuple):
-    """Figures of the P poses of a log.
-
-    Attributes
-    ----------
-    t : ndarray, shape (P,)
-        Middle of each pose, s.
-    q, tau : ndarray, shape (P, J)
-        Mean position and median torque; NaN where there is no torque.
-    parts : tuple of slice
-        Samples of each pose.
-    """
+    """Figures of the P poses of a log."""
 
     t: Array
+    """Middle of each pose, s, (P,)."""
     q: Array
     tau: Array
+    """`q`, `tau`: Mean position and median torque, (P, J); NaN where there is no torque."""
     parts: tuple[slice, ...]
+    """Samples of each pose."""
 
 
 def poses_of(log: Log) -> Poses:
     """The poses at which every joint of a log stands still for at least `LEAST_POSE`.
-
-    Parameters
-    ----------
-    log : Log
 
     Returns
     -------

@@ -46,42 +46,29 @@ SPARE_SAMPLES = 10
 
 @dataclass(frozen=True, eq=False)
 class Motion:
-    """A gap-free stretch of one log on a uniform grid, with velocities and accelerations.
-
-    Attributes
-    ----------
-    t : ndarray, shape (N,)
-        Time, s.
-    q, v, a : ndarray, shape (N, J)
-        rad, rad/s, rad/s² (m, m/s, m/s² for prismatic joints).
-    tau : ndarray, shape (N, J)
-        Torque, N·m (N); NaN columns for joints without a torque channel.
-    standstill : ndarray of bool, shape (N, J)
-        Joints at standstill (see `find_standstill`).
-    source : str
-        Name of the log.
-    start : float
-        Time at which the log begins, s; a motion begins later, after the trimmed samples.
-    extra : mapping of str to ndarray, shape (N,)
-        Other channels of the log on the same grid, for example ``temperature_<joint>``.
-    measured : (ndarray of bool, ndarray of bool), each shape (J,), optional
-        Joints whose q̇, and whose q̈, are channels of the log. Any other q̈ is derived from the measured q̇ where that
-        is used, otherwise from the positions. None: everything is derived from the positions.
-    at_poses : bool
-        Whether the samples are poses at standstill: they do not follow one another, and `step` is infinite.
-    """
+    """A gap-free stretch of one log on a uniform grid, with velocities and accelerations."""
 
     t: Array
+    """Time, s, (N,)."""
     q: Array
     v: Array
     a: Array
+    """`q`, `v`, `a`: rad, rad/s, rad/s² (m, m/s, m/s² for prismatic joints), (N, J)."""
     tau: Array
+    """Torque, N·m (N), (N, J); NaN columns for joints without a torque channel."""
     standstill: NDArray[np.bool_]
+    """Joints at standstill (see `find_standstill`), (N, J)."""
     source: str
+    """Name of the log."""
     start: float = 0.0
+    """Time at which the log begins, s; a motion begins later, after the trimmed samples."""
     extra: Mapping[str, Array] = field(default_factory=dict)
+    """Other channels of the log on the same grid, for example ``temperature_<joint>``, (N,)."""
     measured: tuple[NDArray[np.bool_], NDArray[np.bool_]] | None = None
+    """Joints whose q̇, and whose q̈, are channels of the log, (J,), optional. Any other q̈ is derived from the measured
+    q̇ where that is used, otherwise from the positions. None: everything is derived from the positions."""
     at_poses: bool = False
+    """Whether the samples are poses at standstill: they do not follow one another, and `step` is infinite."""
 
     @property
     def step(self) -> float:
@@ -136,10 +123,6 @@ def prepare(
         Time at which the recording began, s, if this log is a later chunk of a recording.
     whole : bool
         Whether this log is no chunk of a longer one. A chunk at standstill is no static log.
-
-    Returns
-    -------
-    Prepared
 
     Raises
     ------
@@ -196,7 +179,6 @@ def _notes_on_times(log: Log, stamped: Log, gaps: int, longest: float) -> Iterat
     ----------
     log, stamped : Log
         With the times that are used, and with the stamps.
-    gaps : int
     longest : float
         Steps that are longer, s, are gaps.
     """

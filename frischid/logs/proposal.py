@@ -10,39 +10,26 @@ from frischid.core.text import one_line, quoted
 
 @dataclass
 class Proposal:
-    """A proposed mapping, and the reasons for it.
-
-    Attributes
-    ----------
-    file : dict
-        Keys of the table ``[file]``.
-    joints : dict of str to dict of str to str
-        URDF joint -> channel -> column.
-    reasons : list of str
-        The reason for each entry, and the decisions that the reader must make.
-    guesses : list of str
-        What neither names nor motion decide.
-    missing : tuple of str
-        Joints of the URDF without a position column.
-    gains : dict of str to float
-        URDF joint -> joint-side torque per ampere, where the log itself gives it.
-    set_points : list of str
-        Columns that the gains come from.
-    units : dict of str to dict of str to float or str
-        URDF joint -> key of the mapping file -> factor of its torque or current, or unit of its position.
-    full_turns : frozenset of str
-        Columns that jump by 360: angles in degrees that wrap.
-    """
+    """A proposed mapping, and the reasons for it."""
 
     file: dict[str, object] = field(default_factory=dict)
+    """Keys of the table ``[file]``."""
     joints: dict[str, dict[str, str]] = field(default_factory=dict)
+    """URDF joint -> channel -> column."""
     reasons: list[str] = field(default_factory=list)
+    """The reason for each entry, and the decisions that the reader must make."""
     guesses: list[str] = field(default_factory=list)
+    """What neither names nor motion decide."""
     missing: tuple[str, ...] = ()
+    """Joints of the URDF without a position column."""
     gains: dict[str, float] = field(default_factory=dict)
+    """URDF joint -> joint-side torque per ampere, where the log itself gives it."""
     set_points: list[str] = field(default_factory=list)
+    """Columns that the gains come from."""
     units: dict[str, dict[str, float | str]] = field(default_factory=dict)
+    """URDF joint -> key of the mapping file -> factor of its torque or current, or unit of its position."""
     full_turns: frozenset[str] = frozenset()
+    """Columns that jump by 360: angles in degrees that wrap."""
 
     def tables(self) -> dict[str, dict[str, Any]]:
         """The mapping as `LogMap.from_dict` takes it."""

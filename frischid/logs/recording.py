@@ -129,10 +129,8 @@ class Motions:
 
     Parameters
     ----------
-    logs : sequence of Log or Recording
     joints : sequence of str
         The robot's joints, in its order.
-    lowpass : LowPass
     velocity : {"auto", "measured", "derived"}
     told : callable, optional
         Called with the number of samples that an iteration has read so far, after each log or chunk.

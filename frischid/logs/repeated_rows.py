@@ -20,7 +20,6 @@ def without_repeats(table: Table, time: str, columns: Sequence[str], notes: list
 
     Parameters
     ----------
-    table : Table
     time : str
         Column of the stamps.
     columns : sequence of str

@@ -28,26 +28,17 @@ Data = Log | Recording
 
 @dataclass(frozen=True)
 class LogSummary:
-    """Length of some logs, a suitable filter, and locked joints that move.
-
-    Attributes
-    ----------
-    lowpass : LowPass
-    spectra : LogSpectra
-        Of the joints whose torque is fitted.
-    samples : tuple of int
-        Number of samples of each log.
-    seconds : float
-        Length of all logs together.
-    locked : LockedMotion
-        Locked joints that move nevertheless, or stand at another angle.
-    """
+    """Length of some logs, a suitable filter, and locked joints that move."""
 
     lowpass: LowPass
     spectra: LogSpectra
+    """Of the joints whose torque is fitted."""
     samples: tuple[int, ...]
+    """Number of samples of each log."""
     seconds: float
+    """Length of all logs together."""
     locked: LockedMotion
+    """Locked joints that move nevertheless, or stand at another angle."""
 
 
 def summarise(
@@ -57,8 +48,6 @@ def summarise(
 
     Parameters
     ----------
-    robot : Robot
-    logs : sequence of Log or Recording
     rows : sequence of str
         Joints whose torque is fitted.
     cutoff : float, "auto" or None

@@ -53,12 +53,7 @@ MOST_COLUMNS = 10_000
 
 
 def check_width(source: object, count: int) -> None:
-    """Refuse a file of more columns than a log can have.
-
-    Raises
-    ------
-    InputError
-    """
+    """Refuse (InputError) a file of more columns than a log can have."""
     if count > MOST_COLUMNS:
         raise InputError(
             f"{source}: has {count} columns, a log has at most {MOST_COLUMNS}; is it the right file, or transposed?"

@@ -25,9 +25,10 @@ from numpy.typing import NDArray
 
 from frischid.core.text import counted
 from frischid.errors import InputError, close_names
-from frischid.logs.csv_layout import Layout, csv_layout
-from frischid.logs.csv_text import (
+from frischid.logs.csv_layout import (
+    Layout,
     clock_of,
+    csv_layout,
     even_spaces,
     is_number,
 )

@@ -57,10 +57,6 @@ def breaks_of(log: Log, lowpass: LowPass) -> NDArray[np.intp]:
 def retimed(log: Log) -> Log:
     """The log with the times of a regular clock, where the positions say that the stamps jitter and the samples do not.
 
-    Parameters
-    ----------
-    log : Log
-
     Returns
     -------
     Log

@@ -151,7 +151,6 @@ def undetermined(disagreement: Mapping[str, float], criteria: AlarmCriteria) -> 
     ----------
     disagreement : mapping of str to float
         Joint -> difference of the two fits' torques on the faster motion, over the torque's standard deviation.
-    criteria : AlarmCriteria
     """
     middle = float(np.median([*disagreement.values()]))
     if middle <= criteria.disagreement:
@@ -216,7 +215,6 @@ def noisy_cutoff(spectra: LogSpectra, cutoff: float | None, criteria: AlarmCrite
         Of the fitted logs.
     cutoff : float or None
         Hz.
-    criteria : AlarmCriteria
     """
     middle = spectra.noise_share(cutoff)
     if not middle > criteria.noisy_acceleration:
@@ -279,7 +277,6 @@ def doubtful_gains(
     known : (ndarray, ndarray), shape (J,) each
         Largest torque of the drive by the URDF (infinite: not stated), and the standard deviation of the torque of the
         URDF's links along the same motion.
-    criteria : AlarmCriteria
     """
     (largest, spread), (effort, links) = found, known
     times = largest / effort

@@ -26,26 +26,17 @@ _HELD_POSES = 500
 
 @dataclass(frozen=True)
 class JointCurrents:
-    """Currents of one joint, A; a pair is a value and its standard error, or None where the logs do not show it.
-
-    Attributes
-    ----------
-    joint : str
-    viscous : tuple of float or None
-        A·s/rad (A·s/m).
-    coulomb : tuple of float or None
-        A.
-    armature : tuple of float or None
-        Rotor inertia, A·s²/rad (A·s²/m).
-    holding : tuple of float
-        Smallest and largest current that holds the arm still at the poses of the logs: gravity and offset, A.
-    """
+    """Currents of one joint, A; a pair is a value and its standard error, or None where the logs do not show it."""
 
     joint: str
     viscous: tuple[float, float] | None
+    """A·s/rad (A·s/m)."""
     coulomb: tuple[float, float] | None
+    """A."""
     armature: tuple[float, float] | None
+    """Rotor inertia, A·s²/rad (A·s²/m)."""
     holding: tuple[float, float]
+    """Smallest and largest current that holds the arm still at the poses of the logs: gravity and offset, A."""
 
     def to_dict(self) -> dict[str, Any]:
         """Plain JSON values."""
@@ -57,7 +48,6 @@ def in_amperes(model: Model, motions: Iterable[Motion]) -> tuple[JointCurrents, 
 
     Parameters
     ----------
-    model : Model
     motions : iterable of Motion
         Motions whose poses count, such as ``model.motions(logs)``.
 

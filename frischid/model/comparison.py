@@ -35,8 +35,7 @@ from frischid.model.log_faults import faulty_new_logs
 from frischid.model.model import Model
 from frischid.model.model_argument import check_model
 from frischid.model.noise_floor import NoiseFloor
-from frischid.model.residual_conditions import Residuals
-from frischid.model.sampled_blocks import SAMPLES_KEPT, SampledBlocks
+from frischid.model.residual_conditions import SAMPLES_KEPT, Residuals, SampledBlocks
 from frischid.model.standstill_joints import STANDSTILL_LOG, rows_of
 from frischid.regression.block import Block
 from frischid.regression.regressor import nominal_parameters
@@ -234,7 +233,6 @@ class ModelErrors:
     ----------
     noise : NoiseFloor
         Is to see the motions that the blocks come from.
-    expected : ExpectedError
     """
 
     def __init__(self, model: Model, residuals_kept: int = SAMPLES_KEPT) -> None:

@@ -29,44 +29,30 @@ UNLIKE = "unlike-the-fitted-logs"
 
 @dataclass(frozen=True, eq=False)
 class Elsewhere:
-    """A model on logs that it was not fitted to.
-
-    Attributes
-    ----------
-    joints : tuple of str
-    spread : ndarray, shape (J,)
-        Standard deviation of the torque on these logs, N·m (N).
-    fitted_spread : ndarray, shape (J,)
-        Standard deviation of the torque on the fitted logs, N·m (N); 0 for a joint without a torque row there.
-    held : ndarray, shape (J,)
-        Torque with which dry friction may hold the joint where the arm stands still, rms, N·m (N).
-    expected, measured : ndarray, shape (J,)
-        Root mean square error on these logs: to be expected from the model's uncertainty (NaN for a model without a
-        prior, whose uncertainty is of noise alone), and measured, N·m (N).
-    floors : ndarray, shape (J,)
-        Error that the sensors' noise alone causes, N·m (N).
-    outside : ndarray, shape (J,)
-        Share of samples whose speed or acceleration the fitted logs do not reach.
-    nrmse, noise_floor : float
-        Mean NRMSE on these logs, and of the sensors' noise alone.
-    cross_validated : float
-        Mean NRMSE, cross-validated on the fitted logs; NaN if unknown.
-    urdf : float
-        Mean NRMSE of the URDF with fitted friction on these logs; NaN if unknown.
-    """
+    """A model on logs that it was not fitted to."""
 
     joints: tuple[str, ...]
     spread: Array
+    """Standard deviation of the torque on these logs, N·m (N), (J,)."""
     fitted_spread: Array
+    """Standard deviation of the torque on the fitted logs, N·m (N), (J,); 0 for a joint without a torque row there."""
     held: Array
+    """Torque with which dry friction may hold the joint where the arm stands still, rms, N·m (N), (J,)."""
     expected: Array
     measured: Array
+    """`expected`, `measured`: Root mean square error on these logs, (J,): to be expected from the model's uncertainty
+    (NaN for a model without a prior, whose uncertainty is of noise alone), and measured, N·m (N)."""
     floors: Array
+    """Error that the sensors' noise alone causes, N·m (N), (J,)."""
     outside: Array
+    """Share of samples whose speed or acceleration the fitted logs do not reach, (J,)."""
     nrmse: float
     noise_floor: float
+    """`nrmse`, `noise_floor`: Mean NRMSE on these logs, and of the sensors' noise alone."""
     cross_validated: float
+    """Mean NRMSE, cross-validated on the fitted logs; NaN if unknown."""
     urdf: float
+    """Mean NRMSE of the URDF with fitted friction on these logs; NaN if unknown."""
 
     def of_fitted(self, torques: Array) -> Array:
         """Torques (J,) as shares of the torque of the fitted logs; NaN for a joint without a torque row there."""

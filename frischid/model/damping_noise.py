@@ -45,10 +45,8 @@ def without_velocity_noise(
     ----------
     blocks : Blocks
         Of the base parameters.
-    robot : Robot
     motions : sequence of Motion
         Of which the noise is measured.
-    lowpass : LowPass
     most : float
         Largest share of a column, beside the other columns, that counts as noise.
     """

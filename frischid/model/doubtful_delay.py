@@ -29,8 +29,6 @@ def delay_effects(
 
     Parameters
     ----------
-    controller : PDController or None
-    effects : sequence of Effect
     motions : iterable of Motion
         Of the logs, with the torque of the controller.
     joints : sequence of str
@@ -60,8 +58,6 @@ def with_delay_prior(prior: ParameterPrior, controller: PDController | None, reg
     ----------
     prior : ParameterPrior
         Of the columns of `regressor`.
-    controller : PDController or None
-    regressor : Regressor
     """
     doubts = _doubts(controller, regressor.robot.joints)
     if not doubts:

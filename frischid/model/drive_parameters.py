@@ -35,9 +35,9 @@ import numpy as np
 
 from frischid.core.types import Array, Column
 from frischid.effects import columns_of
-from frischid.model.damping_sum import DampingSum, damping_sum
 from frischid.model.model import Model
 from frischid.model.model_argument import check_model
+from frischid.model.unknown_damping import DampingSum, damping_sum
 from frischid.robot.robot import Robot
 
 Known = Literal["identified", "roughly", "as a ratio", "in a sum", "open", "given", "assumed"]
@@ -304,10 +304,6 @@ def _sum_with(model: Model, name: str) -> str:
 
 def values_of(model: Model) -> list[_Value]:
     """Column, value, standard error and share from the logs of every parameter that has these.
-
-    Parameters
-    ----------
-    model : Model
 
     Notes
     -----

@@ -24,23 +24,15 @@ SAMPLES = 500
 
 @dataclass(eq=False)
 class ExpectedError:
-    """Expected error and reach of logs, gathered block by block.
-
-    Attributes
-    ----------
-    model : Model
-    squares : ndarray, shape (J,)
-        Sum of the expected squared errors of the samples looked at.
-    outside : ndarray, shape (J,)
-        Samples faster, or with more acceleration, than the fitted logs reach.
-    count : ndarray, shape (J,)
-        Samples looked at in which the joint moves.
-    """
+    """Expected error and reach of logs, gathered block by block."""
 
     model: Model
     squares: Array = field(init=False)
+    """Sum of the expected squared errors of the samples looked at, (J,)."""
     outside: Array = field(init=False)
+    """Samples faster, or with more acceleration, than the fitted logs reach, (J,)."""
     count: Array = field(init=False)
+    """Samples looked at in which the joint moves, (J,)."""
 
     def __post_init__(self) -> None:
         self.squares, self.outside, self.count = np.zeros((3, len(self.model.joints)))

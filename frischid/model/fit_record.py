@@ -20,24 +20,6 @@ LEVELS = (0.5, 0.6827, 0.8, 0.9, 0.95, 0.99)
 class FitRecord:
     """The reach of the fitted logs, and the reference that a model must beat.
 
-    Attributes
-    ----------
-    velocity, acceleration : ndarray, shape (J,)
-        Speed and acceleration of the fitted joints below which 99 % of the samples are, rad/s (m/s), rad/s² (m/s²).
-    urdf : ndarray, shape (p,)
-        Base parameters of the URDF's links with friction and offsets fitted to the same logs: the model of a careful
-        user of the URDF. A simulator's damping is not used.
-    scores : ndarray, shape (L, J)
-        Quantiles of each joint's error on stretches left out of the fit, in standard deviations of its residual; NaN
-        for a joint without rows (`frischid.model.residual_scores`).
-    model_share : ndarray, shape (J,)
-        Share of the parameters' covariance that is there on another motion. The prior's covariance holds the model's
-        own error, as if all of the residual were that. Where the sensors' noise causes a part w of the residual, that
-        part averages out over the n independent rows of the log: the share is ``1 − w + w κ/n``.
-    spread : ndarray, shape (J,)
-        Standard deviation of the torque on the fitted logs, N·m (N); NaN if unknown. Errors on two motions are compared
-        in this unit: a gentle motion has a large relative error from the same noise.
-
     Examples
     --------
     >>> import numpy as np
@@ -49,10 +31,21 @@ class FitRecord:
 
     velocity: Array
     acceleration: Array
+    """`velocity`, `acceleration`: Speed and acceleration of the fitted joints below which 99 % of the samples are,
+    rad/s (m/s), rad/s² (m/s²), (J,)."""
     urdf: Array
+    """Base parameters of the URDF's links with friction and offsets fitted to the same logs, (p,): the model of a
+    careful user of the URDF. A simulator's damping is not used."""
     scores: Array
+    """Quantiles of each joint's error on stretches left out of the fit, in standard deviations of its residual, (L, J);
+    NaN for a joint without rows (`frischid.model.residual_scores`)."""
     model_share: Array
+    """Share of the parameters' covariance that is there on another motion, (J,). The prior's covariance holds the
+    model's own error, as if all of the residual were that. Where the sensors' noise causes a part w of the residual,
+    that part averages out over the n independent rows of the log: the share is ``1 − w + w κ/n``."""
     spread: Array
+    """Standard deviation of the torque on the fitted logs, N·m (N), (J,); NaN if unknown. Errors on two motions are
+    compared in this unit: a gentle motion has a large relative error from the same noise."""
 
     def to_dict(self) -> dict[str, Any]:
         """Plain JSON values."""
@@ -104,8 +97,6 @@ def half_width(estimate: Estimate, record: FitRecord | None, Y: Array, interval:
 
     Parameters
     ----------
-    estimate : Estimate
-    record : FitRecord or None
     Y : ndarray, shape (M, p, J)
         Base columns of the fitted joints.
     interval : float

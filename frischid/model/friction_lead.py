@@ -35,15 +35,10 @@ _ANY = 1e-12
 
 @dataclass(frozen=True)
 class _Lead(Coulomb):
-    """The column of an error of the lead: rate of dry friction's sign by the lead.
-
-    Attributes
-    ----------
-    span : float
-        h of the module's text, s.
-    """
+    """The column of an error of the lead: rate of dry friction's sign by the lead."""
 
     span: float = 1e-3
+    """h of the module's text, s."""
 
     def terms(self, state: State) -> list[Term]:
         """One column per joint, λ in N·m·s (N·s)."""
@@ -63,7 +58,6 @@ def lead_effects(effects: Sequence[Effect], motions: Iterable[Motion]) -> tuple[
     ----------
     effects : sequence of Effect
         Of the model.
-    motions : iterable of Motion
     """
     if not any(effect.id == CommandDelay.id for effect in effects):
         return ()
@@ -77,7 +71,6 @@ def without_columns(blocks: Blocks, count: int) -> Blocks:
 
     Parameters
     ----------
-    blocks : Blocks
     count : int
         Number of the last columns; each acts on one joint alone.
     """

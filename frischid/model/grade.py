@@ -48,7 +48,6 @@ def graded(nrmse: float, floor: float, urdf: float, constant: float) -> tuple[st
 
     Parameters
     ----------
-    nrmse : float
     floor, urdf, constant : float
         NRMSE of the sensors' noise alone, of the URDF with fitted friction, and of a constant torque.
 

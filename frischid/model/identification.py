@@ -219,10 +219,20 @@ def _as_recorded(found: Measured, lag: TorqueLag) -> Measured:
     return replace(found, lag=replace(lag, significant=False))
 
 
-def identify_again(robot: Robot, logs: Sequence[Data], effects: Sequence[Effect], options: IdentifyOptions) -> Model:
-    """The model of `identify` for logs that were identified from before: the lag of their torque is known already."""
+def identify_again(robot: Robot, logs: Sequence[Data], effects: Sequence[Effect], options: IdentifyOptions) -> Measured:
+    """The fit of `identify` to logs that were identified from before: the lag of their torque is known already.
+
+    `assess` makes its model with alarms and history.
+    """
     bounds = _bounded(robot, logs, (), effects, options, Journal(lambda _: None))
-    return assess(measured(bounds, with_lag=False)).model
+    return measured(bounds, with_lag=False)
+
+
+def cross_validated_error(found: Measured) -> float:
+    """NRMSE on stretches that were left out of the fit, mean over the joints that move, as `assess` states it."""
+    if found.there is None:
+        return float(np.mean(list(_by_joint(found).values())))
+    return from_fit(found.there, _rms(found)).nrmse
 
 
 def _bounded(
@@ -243,12 +253,10 @@ def assess(found: Measured, speeds: SpeedRange | None = None) -> Identification:
     bounds, model, there = found.bounds, found.model, found.there
     problem, data = bounds.fit.problem, bounds.fit.problem.data
     still = () if there is None else there.not_compared
-    pairs = zip(data.joints, _nrmse(found), strict=True)
-    cross_validation = {name: x for name, x in pairs if name not in still}
+    cross_validation = _by_joint(found)
     before = fit_alarms(bounds.fit, model, still, cross_validation, there)
     speeds = None if any(alarm.id == LEFT_OPEN for alarm in before) else speeds
-    rms = dict(zip(data.joints, np.sqrt(found.variance), strict=True))
-    own = None if there is None else from_fit(there, rms, before)
+    own = None if there is None else from_fit(there, _rms(found), before)
     event = _event(data, problem.effects, cross_validation, own)
     comparison = compare(replace(model, history=(event,)), data.valid) if data.valid else None
     headline = own if comparison is None else Headline.of(comparison, "test", before)
@@ -302,6 +310,18 @@ def _event(
     return event | (
         {"error_after": float(np.mean(list(errors.values())))} if own is None else {"cross_validated": own.to_dict()}
     )
+
+
+def _rms(found: Measured) -> dict[str, float]:
+    """Joint -> rms error on stretches left out of the fit, N·m (N)."""
+    return dict(zip(found.bounds.fit.problem.data.joints, np.sqrt(found.variance).tolist(), strict=True))
+
+
+def _by_joint(found: Measured) -> dict[str, float]:
+    """Joint -> error on stretches left out of the fit; without the joints that never move."""
+    still = () if found.there is None else found.there.not_compared
+    pairs = zip(found.bounds.fit.problem.data.joints, _nrmse(found), strict=True)
+    return {name: x for name, x in pairs if name not in still}
 
 
 def _nrmse(found: Measured) -> list[float]:

@@ -94,8 +94,6 @@ def fit_alarms(
 
     Parameters
     ----------
-    fit : Fit
-    model : Model
     still : sequence of str
         Joints that never move.
     errors : mapping of str to float

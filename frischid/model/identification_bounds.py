@@ -37,28 +37,18 @@ NO_INFORMATION = "no information"
 
 @dataclass(frozen=True, eq=False)
 class Bounds:
-    """Stage 5: bounds, and the estimate they may have changed.
-
-    Attributes
-    ----------
-    fit : Fit
-    estimate : Estimate
-        The model's values: least squares', or those of the estimator that was asked for.
-    simplex : Simplex or None
-        The p + 1 least-squares solutions; None where the logs alone do not determine the parameters.
-    boxes : dict of str to Box
-        Bounds by method: ``"frisch"``, ``"bbrf"``, ``"sensorwise"``.
-    recursion : Recursion or None
-    selection : Selection or None
-        The point of the box, for the estimators ``"frisch"`` and ``"frisch_squared"``.
-    """
+    """Stage 5: bounds, and the estimate they may have changed."""
 
     fit: Fit
     estimate: Estimate
+    """The model's values: least squares', or those of the estimator that was asked for."""
     simplex: Simplex | None
+    """The p + 1 least-squares solutions; None where the logs alone do not determine the parameters."""
     boxes: Mapping[str, Box]
+    """Bounds by method: ``"frisch"``, ``"bbrf"``, ``"sensorwise"``."""
     recursion: Recursion | None
     selection: Selection | None
+    """The point of the box, for the estimators ``"frisch"`` and ``"frisch_squared"``."""
 
 
 def bound_parameters(fit: Fit) -> Bounds:

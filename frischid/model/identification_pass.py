@@ -34,29 +34,19 @@ from frischid.model.torque_lag import TorqueLag, torque_lag
 
 @dataclass(frozen=True, eq=False)
 class Measured:
-    """A model after the pass over its own logs.
-
-    Attributes
-    ----------
-    bounds : Bounds
-    variance : ndarray, shape (J,)
-        Mean square error of each joint on stretches left out of the fit, (N·m)² (N²).
-    model : Model
-        As yet without a history.
-    there : Comparison or None
-        With its own logs; None where no torque changes.
-    lag : TorqueLag or None
-        Of these logs.
-    spread : ndarray, shape (J,)
-        Standard deviation of each joint's measured torque, N·m (N).
-    """
+    """A model after the pass over its own logs."""
 
     bounds: Bounds
     variance: Array
+    """Mean square error of each joint on stretches left out of the fit, (N·m)² (N²), (J,)."""
     model: Model
+    """As yet without a history."""
     there: Comparison | None
+    """With its own logs; None where no torque changes."""
     lag: TorqueLag | None
+    """Of these logs."""
     spread: Array
+    """Standard deviation of each joint's measured torque, N·m (N), (J,)."""
 
 
 def measured(bounds: Bounds, *, with_lag: bool = True) -> Measured:

@@ -15,8 +15,10 @@ from functools import cached_property, partial
 
 from frischid.checks.log_issue import UNDONE
 from frischid.core.text import listed
-from frischid.effects import Effect, check_effects
+from frischid.effects import BASELINE, Effect, check_effects
+from frischid.effects.springs import JointSpring
 from frischid.errors import InputError
+from frischid.estimators.friction_smoothing import baseline, dry_friction
 from frischid.estimators.least_squares import Estimate, ols, wls
 from frischid.estimators.map_estimate import MapEstimate, map_estimate
 from frischid.estimators.parameter_prior import ParameterPrior
@@ -27,14 +29,13 @@ from frischid.logs.preprocessing import Motion
 from frischid.logs.recording import Motions, Recording, check_logs
 from frischid.logs.summary import Data, held_by, summarise, torque_joints
 from frischid.model.damping_noise import without_velocity_noise
-from frischid.model.default_effects import default_effects, with_damping
 from frischid.model.doubtful_delay import delay_effects, with_delay_prior
 from frischid.model.friction_lead import lead_effects, without_columns
 from frischid.model.identify_options import IdentifyOptions
 from frischid.model.log_data import Journal, LogData
 from frischid.model.log_examination import check_cutoff, refuse_worthless, report_issues
 from frischid.model.log_faults import faults_of
-from frischid.model.unknown_damping import damping_notes
+from frischid.model.unknown_damping import damping_effects, damping_notes
 from frischid.model.unknown_drive import known_controller
 from frischid.model.unknown_gains import known_currents
 from frischid.regression.accumulation import accumulate, streaming_qr
@@ -51,27 +52,17 @@ from frischid.robot.stated_inertials import unstated
 
 @dataclass(frozen=True, eq=False)
 class Problem:
-    """Stage 2: the regression problem, as moments of [Y τ].
-
-    Attributes
-    ----------
-    data : LogData
-    effects : tuple of Effect
-    regressor : Regressor
-    reduction : Reduction
-        Base parameters of the regressor's columns.
-    blocks : Blocks
-        Moments of the base columns in consecutive stretches of time.
-    whole : Gram
-        Their sum.
-    """
+    """Stage 2: the regression problem, as moments of [Y τ]."""
 
     data: LogData
     effects: tuple[Effect, ...]
     regressor: Regressor
     reduction: Reduction
+    """Base parameters of the regressor's columns."""
     blocks: Blocks
+    """Moments of the base columns in consecutive stretches of time."""
     whole: Gram
+    """Their sum."""
 
     @cached_property
     def urdf(self) -> ParameterPrior:
@@ -83,34 +74,21 @@ class Problem:
 
 @dataclass(frozen=True, eq=False)
 class PriorSet:
-    """Stage 3: the problem and its prior.
-
-    Attributes
-    ----------
-    problem : Problem
-    prior : ParameterPrior or None
-        Of all parameters; None: the logs alone.
-    """
+    """Stage 3: the problem and its prior."""
 
     problem: Problem
     prior: ParameterPrior | None
+    """Of all parameters; None: the logs alone."""
 
 
 @dataclass(frozen=True, eq=False)
 class Fit:
-    """Stage 4: the estimate.
-
-    Attributes
-    ----------
-    problem : Problem
-    estimate : Estimate
-    posterior : MapEstimate or None
-        Of all parameters, where there is a prior.
-    """
+    """Stage 4: the estimate."""
 
     problem: Problem
     estimate: Estimate
     posterior: MapEstimate | None
+    """Of all parameters, where there is a prior."""
 
 
 def read_logs(
@@ -190,7 +168,6 @@ def form_moments(data: LogData, effects: Sequence[Effect] | None) -> Problem:
 
     Parameters
     ----------
-    data : LogData
     effects : sequence of Effect, optional
         By default the baseline; cross-validation on the logs chooses the smoothing of its dry friction.
     """
@@ -260,3 +237,34 @@ def _least_squares(problem: Problem) -> Estimate:
         f"condition number {estimate.condition:.1e}: solved by a streaming QR, moments would lose digits"
     )
     return replace(estimate, theta=rows.solve(estimate.weights))
+
+
+def with_damping(data: LogData, effects: Sequence[Effect]) -> tuple[Effect, ...]:
+    """Effects, with the drives' damping where it is open."""
+    channels = [motion.extra for motion in data.some_motions]
+    return damping_effects(data.options.controller, effects, channels, data.robot.joints)
+
+
+def default_effects(data: LogData) -> tuple[Effect, ...]:
+    """The baseline, with the smoothing of dry friction chosen by cross-validation.
+
+    A spring that the robot has and the baseline lacks would decide the smoothing: its torque is largest at the ends of
+    a motion, where dry friction changes its direction. So the choice is made without and with a torque of each joint's
+    position beside, and a lead or a wider sign must be clear in both.
+    """
+    some = [motion for motion in data.some_motions if not motion.at_poses]
+    if not some:
+        return BASELINE
+    effects = with_damping(data, delay_effects(data.options.controller, BASELINE, some, data.robot.joints))
+    found = []
+    for beside in (effects, (*effects, JointSpring(form="cubic"))):
+        reduction = structure(Regressor(data.robot, beside), data.joints)
+        found.append(dry_friction(data.robot, some, data.lowpass, data.joints, reduction, beside))
+    dry = min((x for x in found if x is not None), key=lambda x: (x.lead, x.width), default=None)
+    if dry is None:
+        return BASELINE
+    ahead = f", {1e3 * dry.lead:g} ms ahead of the motion" if dry.lead else ""
+    data.journal.notes.append(
+        f"dry friction changes its direction over ±{dry.width:g} rad/s (m/s){ahead}, chosen by cross-validation"
+    )
+    return baseline(dry)

@@ -145,7 +145,6 @@ def payload_of(
     covariance : ndarray, shape (10, 10)
     errors : (float, float)
         Mean NRMSE with the body, and without it.
-    notes : tuple of str
     """
     slope = np.empty((10, 10))
     for k in range(10):

@@ -31,39 +31,20 @@ Poses = tuple[Array, Mapping[str, Array]]
 
 
 class LeastInertia(NamedTuple):
-    """The least eigenvalue of a model's mass matrix at some poses.
-
-    Attributes
-    ----------
-    value : float
-        kg·m² (kg).
-    joint : str
-        The joint with the largest part in its eigenvector.
-    position : float
-        Of this joint, rad (m).
-    share : float
-        Share of the poses at which the mass matrix is not positive definite.
-    """
+    """The least eigenvalue of a model's mass matrix at some poses."""
 
     value: float
+    """kg·m² (kg)."""
     joint: str
+    """The joint with the largest part in its eigenvector."""
     position: float
+    """Of this joint, rad (m)."""
     share: float
+    """Share of the poses at which the mass matrix is not positive definite."""
 
 
 def mass_matrices(model: Model, poses: Poses) -> Array:
-    """Mass matrices at N poses, shape (N, J, J), kg·m² (kg), of the J joints whose torque the model was fitted to.
-
-    Examples
-    --------
-    >>> import numpy as np
-    >>> import frischid as fr
-    >>> from frischid.model.joint_inertia import mass_matrices
-    >>> robot = fr.Robot.load("planar2")
-    >>> log = fr.simulate(robot, fr.random_fourier(robot, 5.0, seed=1), rate=100.0)
-    >>> mass_matrices(fr.identify(robot, [log], recursion="none").model, (np.zeros((3, 2)), {})).shape
-    (3, 2, 2)
-    """
+    """Mass matrices at N poses, shape (N, J, J), kg·m² (kg), of the J joints whose torque the model was fitted to."""
     (q, extra), robot, index = poses, model.robot, model.torque_index
     kept = [e for e in model.effects if not (e.memory or e.of_recording) and set(e.channels(robot)).issubset(extra)]
     effects = [e.with_sign_width(NO_SIGN) for e in kept]

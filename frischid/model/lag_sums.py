@@ -70,7 +70,6 @@ class LagSums:
 
     Parameters
     ----------
-    problem : Problem
     estimate : Estimate
         The fit.
     theta : ndarray, shape (p,), optional

@@ -32,13 +32,10 @@ def disagreeing_logs(
 
     Parameters
     ----------
-    problem : Problem
-    logs : mapping of str to LogMoments
     fit : MapEstimate
         To all logs.
     share : ndarray, shape (J,)
         Share of the parameters' covariance that is the model's own error.
-    criteria : AlarmCriteria
     """
     ratios = {k: r for k, r in surprises(problem, logs, fit, share).items() if r.max(initial=0.0) > criteria.surprise}
     if not ratios:

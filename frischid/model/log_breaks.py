@@ -36,18 +36,12 @@ from frischid.regression.moments import Gram
 
 @dataclass(frozen=True, eq=False)
 class Break:
-    """Where a log is cut.
-
-    Attributes
-    ----------
-    time : float
-        s.
-    surprise : ndarray, shape (J,)
-        Measured error over expected error of each joint, of one part held against a fit to the other.
-    """
+    """Where a log is cut."""
 
     time: float
+    """s."""
     surprise: Array
+    """Measured error over expected error of each joint, (J,), of one part held against a fit to the other."""
 
 
 def changing_logs(
@@ -57,13 +51,10 @@ def changing_logs(
 
     Parameters
     ----------
-    problem : Problem
-    logs : mapping of str to LogMoments
     fit : MapEstimate
         To all logs.
     share : ndarray, shape (J,)
         Share of the parameters' covariance that is the model's own error.
-    criteria : AlarmCriteria
     """
     found = {name: cut for name, log in logs.items() if (cut := break_of(problem, log, fit, share)) is not None}
     broken = {k: cut for k, cut in found.items() if cut.surprise.max(initial=0.0) > criteria.surprise}

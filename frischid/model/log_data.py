@@ -32,27 +32,18 @@ IDENTIFY_STAGES = (
 
 @dataclass
 class Journal:
-    """Messages of the stages to the user.
-
-    Attributes
-    ----------
-    progress : callable
-        Called with a few words at each stage.
-    notes : list of str
-        Changes of the data.
-    warnings : list of str
-        Reasons to doubt the result.
-    faults : list of (str, LogIssue)
-        Names of logs, and their faults that make a wrong model and can be undone.
-    explained : set of str
-        Joints whose torques a fault explains that is named in the warnings.
-    """
+    """Messages of the stages to the user."""
 
     progress: Callable[[str], None]
+    """Called with a few words at each stage."""
     notes: list[str] = field(default_factory=list)
+    """Changes of the data."""
     warnings: list[str] = field(default_factory=list)
+    """Reasons to doubt the result."""
     faults: list[tuple[str, LogIssue]] = field(default_factory=list)
+    """Names of logs, and their faults that make a wrong model and can be undone."""
     explained: set[str] = field(default_factory=set)
+    """Joints whose torques a fault explains that is named in the warnings."""
     words: str = IDENTIFY_STAGES[0]
 
     def stage(self, words: str) -> None:
@@ -67,33 +58,21 @@ class Journal:
 
 @dataclass(frozen=True, eq=False)
 class LogData:
-    """Stage 1: the logs, checked and filtered.
-
-    Attributes
-    ----------
-    robot : Robot
-        The robot, with the joints locked that some log does not hold.
-    logs, valid : tuple of Log or Recording
-        Logs to fit, and logs to measure the error on.
-    joints : tuple of str
-        Joints whose torque is fitted.
-    summary : LogSummary
-        Filter, samples and seconds of the logs.
-    motions : iterable of Motion
-        In memory; motions of recordings are read again in every iteration.
-    preparation : Motions
-        Its notes name the changes of the logs, after the first iteration over the motions.
-    options : IdentifyOptions
-    journal : Journal
-    """
+    """Stage 1: the logs, checked and filtered."""
 
     robot: Robot
+    """The robot, with the joints locked that some log does not hold."""
     logs: tuple[Data, ...]
     valid: tuple[Data, ...]
+    """`logs`, `valid`: Logs to fit, and logs to measure the error on."""
     joints: tuple[str, ...]
+    """Joints whose torque is fitted."""
     summary: LogSummary
+    """Filter, samples and seconds of the logs."""
     motions: Iterable[Motion]
+    """In memory; motions of recordings are read again in every iteration."""
     preparation: Motions
+    """Its notes name the changes of the logs, after the first iteration over the motions."""
     options: IdentifyOptions
     journal: Journal
 

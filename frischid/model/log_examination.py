@@ -197,8 +197,6 @@ def report_issues(
 
     Parameters
     ----------
-    robot : Robot
-    logs : sequence of Log or Recording
     prepared : LowPass and sequence of sequence of Motion, optional
         Filter and motions of each log, where the caller has them: the checks are then brief.
     """
@@ -233,12 +231,7 @@ def refuse_worthless(reports: Sequence[LogReport]) -> None:
 
 
 def check_cutoff(cutoff: Cutoff, logs: Sequence[Data]) -> None:
-    """Refuse a cut-off that a log's rate does not allow.
-
-    Raises
-    ------
-    InputError
-    """
+    """Refuse (InputError) a cut-off that a log's rate does not allow."""
     if not isinstance(cutoff, int | float):
         return
     for log in map(preview_of, logs):

@@ -29,10 +29,6 @@ WHAT_TO_UNDO = (
 def faults_of(report: LogReport) -> list[LogIssue]:
     """The issues of a log that make a wrong model: those that block, and those that a mapping file can undo.
 
-    Parameters
-    ----------
-    report : LogReport
-
     Examples
     --------
     >>> from dataclasses import replace
@@ -57,10 +53,8 @@ def faulty_logs(
 
     Parameters
     ----------
-    faults : sequence of str
     harm : str
         What such a fault does.
-    remedy : str
     """
     if not faults:
         return []
@@ -83,15 +77,9 @@ def faulty_new_logs(model: Model, logs: Sequence[Data], unlike: Collection[str])
 
     Parameters
     ----------
-    model : Model
-    logs : sequence of Log or Recording
     unlike : collection of str
         Joints on which the model's error there is larger than its uncertainty explains; a fault of other joints is not
         the reason.
-
-    Returns
-    -------
-    list of Alarm
 
     Examples
     --------

@@ -35,18 +35,12 @@ NOISE_FOUND = 0.01
 
 @dataclass(frozen=True, eq=False)
 class LogMoments:
-    """Moments of one log.
-
-    Attributes
-    ----------
-    blocks : Blocks
-        Of consecutive stretches of time.
-    starts : ndarray, shape (B,)
-        Time at which each block begins, s; within a motion the blocks are taken to be of one length.
-    """
+    """Moments of one log."""
 
     blocks: Blocks
+    """Of consecutive stretches of time."""
     starts: Array
+    """Time at which each block begins, s, (B,); within a motion the blocks are taken to be of one length."""
 
 
 class PartFit(NamedTuple):
@@ -85,7 +79,6 @@ def surprise_of_both(problem: Problem, whole_fit: MapEstimate, share: Array, one
 
     Parameters
     ----------
-    problem : Problem
     whole_fit : MapEstimate
         To all logs.
     share : ndarray, shape (J,)

@@ -9,11 +9,7 @@ from frischid.model.model import Model
 
 
 def check_model(model: Any) -> None:
-    """Refuse what is no model.
-
-    Raises
-    ------
-    InputError
+    """Refuse (InputError) what is no model.
 
     Examples
     --------

@@ -146,7 +146,6 @@ def octaves_above(x: Array, direction: Array, step: float, lowpass: LowPass) -> 
         Sign of the speed; 0 at standstill (`Motion.direction`).
     step : float
         Time between samples, s.
-    lowpass : LowPass
     """
     if lowpass.cutoff is None:
         return Octaves(len(x), step, np.empty(0), np.empty((0, x.shape[1])))

@@ -54,29 +54,22 @@ def true_path(motion: Motion, lowpass: LowPass) -> Motion:
 
 @dataclass(frozen=True, eq=False)
 class SensorNoise:
-    """The noise of a motion's sensors along its true path. Its size is measured once, for any number of draws.
-
-    Attributes
-    ----------
-    path : Motion
-        The true path.
-    derived : tuple of ndarray, shape (T,)
-        Taps that differentiate positions once and twice, at the cut-off.
-    own : tuple of ndarray, shape (J,), bool
-        Whether velocities and accelerations have sensors of their own.
-    rounding : ndarray, shape (M, J)
-        Change of the positions by the encoder's step, rad (m), along the path and half a filter's length on both sides.
-    beyond, velocity, acceleration : ndarray, shape (M, J)
-        Standard deviation of the positions' random noise beyond rounding, and that of the other channels.
-    """
+    """The noise of a motion's sensors along its true path. Its size is measured once, for any number of draws."""
 
     path: Motion
+    """The true path."""
     derived: tuple[Array, Array]
+    """Taps that differentiate positions once and twice, at the cut-off, (T,)."""
     own: tuple[NDArray[np.bool_], NDArray[np.bool_]]
+    """Whether velocities and accelerations have sensors of their own, (J,), bool."""
     rounding: Array
+    """Change of the positions by the encoder's step, rad (m), along the path and half a filter's length on both sides,
+    (M, J)."""
     beyond: Array
     velocity: Array
     acceleration: Array
+    """`beyond`, `velocity`, `acceleration`: Standard deviation of the positions' random noise beyond rounding, and that
+    of the other channels, (M, J)."""
 
     @classmethod
     def of(cls, path: Motion, motion: Motion, lowpass: LowPass) -> SensorNoise:

@@ -84,7 +84,7 @@ def own_logs(model: Model, given: tuple[Log | Recording, ...] = ()) -> OwnLogs:
     here = {log.identity for log in given}
     logs: list[Log | Recording] = []
     missing: list[str] = []
-    for entry in _entries(model):
+    for entry in model.fitted_logs:
         if entry.get("sha256") in here:
             continue
         name = _name(entry)
@@ -98,13 +98,8 @@ def own_logs(model: Model, given: tuple[Log | Recording, ...] = ()) -> OwnLogs:
 
 def paths_of(model: Model) -> list[Path]:
     """Paths of the files that a model remembers, whether or not they are there."""
-    files = [file for entry in _entries(model) if (file := file_of(entry)) is not None]
+    files = [file for entry in model.fitted_logs if (file := file_of(entry)) is not None]
     return [Path(path) for x in files for path in (x.path, *([] if x.mapping is None else [x.mapping.path]))]
-
-
-def _entries(model: Model) -> list[Mapping[str, Any]]:
-    """The logs that the model was last fitted to."""
-    return next((list(event["logs"]) for event in reversed(model.history) if event.get("logs")), [])
 
 
 def _found(entry: Mapping[str, Any], model: Model) -> Log | Recording | str:

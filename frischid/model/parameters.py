@@ -47,7 +47,6 @@ def numbering(estimate: Estimate, numbers: Mapping[str, int]) -> str:
 
     Parameters
     ----------
-    estimate : Estimate
     numbers : mapping of str to int
         Number of each joint (`Robot.numbers`).
 

@@ -80,15 +80,10 @@ def alarms_with_body(model: Model, logs: Sequence[Data], unlike: dict[str, float
 
     Parameters
     ----------
-    model : Model
     logs : sequence of Log or Recording
         With the body.
     unlike : dict of str to float
         Of `unlike_with_body`.
-
-    Returns
-    -------
-    tuple of Alarm
 
     Examples
     --------

@@ -138,7 +138,6 @@ def _fit(model: Model, blocks: Sequence[Gram], felt: Sequence[int], flange: Arra
 
     Parameters
     ----------
-    model : Model
     blocks : sequence of Gram
         Moments of the model's base parameters and of the body's parameters.
     felt : sequence of int

@@ -34,7 +34,6 @@ def wrong_signs(
     ----------
     contradicted : sequence of (str, float)
         Parameter, and by how many standard errors.
-    criteria : AlarmCriteria
     values : mapping of str to (Column, float), optional
         Parameter -> its column, and its value in the model.
     """
@@ -77,11 +76,8 @@ def indefinite_mass(model: Model, found: LeastInertia, where: str, criteria: Ala
 
     Parameters
     ----------
-    model : Model
-    found : LeastInertia
     where : str
         The poses, in words.
-    criteria : AlarmCriteria
     """
     if found.value > 0.0:
         return []

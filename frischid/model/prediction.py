@@ -30,40 +30,29 @@ INTERVAL = 0.9
 
 @dataclass(frozen=True, eq=False)
 class Prediction:
-    """Filtered samples of some logs under a model; M samples, J joints whose torque the model predicts.
-
-    Attributes
-    ----------
-    joints : tuple of str
-    sources : tuple of str
-        The logs, in order.
-    starts : tuple of float
-        First time stamp of each log, s.
-    log : ndarray of int, shape (M,)
-        Position in `sources` of each sample's log.
-    t : ndarray, shape (M,)
-        Time since that log's first sample, s.
-    q, v, a : ndarray, shape (M, J)
-        rad, rad/s, rad/s² (m, m/s, m/s² for prismatic joints).
-    measured, fitted, lower, upper : ndarray, shape (M, J)
-        Torque, N·m (N): measured, the model's, and the band around it.
-    used : ndarray of bool, shape (M, J)
-        False where the joint rests, so that its dry friction is undetermined.
-    """
+    """Filtered samples of some logs under a model; M samples, J joints whose torque the model predicts."""
 
     joints: tuple[str, ...]
     sources: tuple[str, ...]
+    """The logs, in order."""
     starts: tuple[float, ...]
+    """First time stamp of each log, s."""
     log: NDArray[np.intp]
+    """Position in `sources` of each sample's log, (M,)."""
     t: Array
+    """Time since that log's first sample, s, (M,)."""
     q: Array
     v: Array
     a: Array
+    """`q`, `v`, `a`: rad, rad/s, rad/s² (m, m/s, m/s² for prismatic joints), (M, J)."""
     measured: Array
     fitted: Array
     lower: Array
     upper: Array
+    """`measured`, `fitted`, `lower`, `upper`: Torque, N·m (N), (M, J): measured, the model's, and the band around it.
+    """
     used: NDArray[np.bool_]
+    """False where the joint rests, so that its dry friction is undetermined, (M, J)."""
 
     @property
     def residual(self) -> Array:
@@ -78,15 +67,10 @@ def predict(
 
     Parameters
     ----------
-    model : Model
     logs : sequence of Log
         At least one; each must hold position and torque of the model's joints.
     evaluated : sequence of sequence of (Block, ndarray), optional
         ``model.blocks([log])`` of each log, where the caller has it already.
-
-    Returns
-    -------
-    Prediction
     """
     if not logs:
         raise InputError("there is no log to predict; give at least one")

@@ -5,12 +5,15 @@ rms(residual everywhere). Residuals are correlated, so the significance comes fr
 one-sided t test compares the mean squared residuals of blocks inside and outside. Chatterjee's ξ (2021, JASA 116(536))
 tests whether the residual depends on a variable at all, on samples one correlation time apart. A residual counts as
 white if its correlation time is that of filtered white noise.
+
+Where a model fails is judged on samples in bounded memory: stretches that are spread evenly over all logs. The errors
+themselves are sums over all samples.
 """
 
 from __future__ import annotations
 
 from collections.abc import Iterator, Mapping, Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from typing import Any
 
 import numpy as np
@@ -21,7 +24,7 @@ from frischid.estimators.autocorrelation import correlation_time
 from frischid.estimators.p_values import depends, mean_above
 from frischid.model.comparison_criteria import COMPARISON_CRITERIA as CRITERIA
 from frischid.model.model import Model
-from frischid.regression.block import Block
+from frischid.regression.block import COLUMNS_BESIDE_Y, Block
 
 Flags = NDArray[np.bool_]
 
@@ -34,45 +37,29 @@ CONDITION_ORDER = (
 
 @dataclass(frozen=True)
 class Condition:
-    """Error of a joint under one condition.
-
-    Attributes
-    ----------
-    joint, condition : str
-    ratio : float
-        Rms residual inside over the joint's rms residual.
-    rmse : float
-        Rms residual inside, N·m (N).
-    samples : int
-    p_value : float
-        Probability of so large a ratio by chance.
-    """
+    """Error of a joint under one condition."""
 
     joint: str
     condition: str
     ratio: float
+    """Rms residual inside over the joint's rms residual."""
     rmse: float
+    """Rms residual inside, N·m (N)."""
     samples: int
     p_value: float
+    """Probability of so large a ratio by chance."""
 
 
 @dataclass(frozen=True)
 class Structure:
-    """Structure of a joint's residual error.
-
-    Attributes
-    ----------
-    correlation_time : float
-        Correlation time of the residual, s.
-    white_time : float
-        Correlation time of white noise after the filter, s.
-    depends_on : dict of str to float
-        Variable -> p value of independence (Chatterjee's ξ).
-    """
+    """Structure of a joint's residual error."""
 
     correlation_time: float
+    """Correlation time of the residual, s."""
     white_time: float
+    """Correlation time of white noise after the filter, s."""
     depends_on: Mapping[str, float]
+    """Variable -> p value of independence (Chatterjee's ξ)."""
 
     @property
     def white(self) -> bool:
@@ -85,7 +72,6 @@ class Residuals:
 
     Parameters
     ----------
-    model : Model
     blocks : sequence of (Block, ndarray)
         Filtered samples and the torque the model fits to them, as `Model.blocks` gives.
     """
@@ -209,3 +195,45 @@ def _welch(inside: Array, outside: Array) -> float:
     if min(len(inside), len(outside)) < 3 or not (inside.std() > 0 and outside.std() > 0):
         return 1.0
     return mean_above(inside, outside)
+
+
+CONSECUTIVE_SAMPLES = 1000  # filtered samples kept or left out together, so that residuals stay consecutive
+SAMPLES_KEPT = 60_000  # filtered samples in memory: an hour of motion at usual cut-offs, 20 MB for a six-joint arm
+
+
+class SampledBlocks:
+    """Blocks in memory, in stretches spread evenly over the logs: all of them, or every second, fourth, ... stretch.
+
+    Where a model fails is judged on at most `SAMPLES_KEPT` samples; the errors themselves are sums over all.
+
+    Parameters
+    ----------
+    limit : int
+        Samples in memory at most, but never less than one stretch.
+    """
+
+    def __init__(self, limit: int = SAMPLES_KEPT) -> None:
+        self.limit = limit
+        self.stretches: list[list[tuple[Block, Array]]] = []
+        self.every, self.number, self.samples, self.length = 1, -1, 0, CONSECUTIVE_SAMPLES
+
+    @property
+    def blocks(self) -> list[tuple[Block, Array]]:
+        """The blocks in memory, in order."""
+        return [pair for stretch in self.stretches for pair in stretch]
+
+    def add(self, block: Block, fitted: Array) -> None:
+        """Keep the next block, or leave it out."""
+        if self.length >= CONSECUTIVE_SAMPLES:
+            self.number, self.length = self.number + 1, 0
+            if self.number % self.every == 0:
+                self.stretches.append([])
+        self.length += len(block.t)
+        if self.number % self.every:
+            return
+        # Only the parts that residuals need, as copies: columns are most of a block, and views keep whole motions.
+        self.stretches[-1].append((replace(block, t=block.t.copy(), Z=block.Z[:, -COLUMNS_BESIDE_Y:].copy()), fitted))
+        self.samples += len(block.t)
+        if self.samples > self.limit:
+            self.stretches, self.every = self.stretches[::2], 2 * self.every
+            self.samples = sum(len(b.t) for b, _ in self.blocks)

@@ -32,18 +32,12 @@ HALVINGS = 7
 
 
 class SpeedRange(NamedTuple):
-    """Speeds up to which the error of a model is usual.
-
-    Attributes
-    ----------
-    doubles : float
-        Multiple of the speed of the fitted logs at which the error is expected to double, at most `allowed`.
-    allowed : float
-        Multiple that the speed limits of the URDF allow, at most `LARGEST_FACTOR`.
-    """
+    """Speeds up to which the error of a model is usual."""
 
     doubles: float
+    """Multiple of the speed of the fitted logs at which the error is expected to double, at most `allowed`."""
     allowed: float
+    """Multiple that the speed limits of the URDF allow, at most `LARGEST_FACTOR`."""
 
     def __str__(self) -> str:
         """In a sentence.
@@ -76,7 +70,6 @@ def speed_range(model: Model, motions: Sequence[Motion], usual: float, criteria:
 
     Parameters
     ----------
-    model : Model
     motions : sequence of Motion
         Of the logs that the model was fitted to.
     usual : float

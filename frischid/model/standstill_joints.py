@@ -27,7 +27,6 @@ def rows_of(model: Model, kept: NDArray[np.bool_]) -> Model:
 
     Parameters
     ----------
-    model : Model
     kept : ndarray of bool, shape (J,)
         The rows, in the order of ``model.joints``.
 
@@ -35,16 +34,6 @@ def rows_of(model: Model, kept: NDArray[np.bool_]) -> Model:
     -------
     Model
         The same parameters; its `joints` are those kept.
-
-    Examples
-    --------
-    >>> import numpy as np
-    >>> import frischid as fr
-    >>> from frischid.model.standstill_joints import rows_of
-    >>> robot = fr.Robot.load("planar2")
-    >>> log = fr.simulate(robot, fr.random_fourier(robot, 5.0, seed=1), rate=100.0)
-    >>> rows_of(fr.identify(robot, [log], recursion="none").model, np.array([False, True])).joints
-    ('joint2',)
     """
     if kept.all():
         return model

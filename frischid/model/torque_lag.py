@@ -47,37 +47,25 @@ class JointLag:
 
 @dataclass(frozen=True)
 class TorqueLag:
-    """Lag of the torque behind the motion.
-
-    Attributes
-    ----------
-    lag, error : float
-        Of all joints together, and its standard error, s.
-    step : float
-        Time between the samples of the logs, s; the longest of several.
-    p_value : float
-        Of no lag.
-    joints : tuple of JointLag
-        Each joint alone.
-    differing : tuple of str
-        Joints whose lag differs significantly from that of all joints: a delay of the recording would be the same.
-    significant : bool
-        Whether all joints agree on a lag that is not chance.
-    sampling_steps : float
-        Longest lag that sampling and held commands explain, in sample steps.
-    taken : float
-        Lag that the model takes back, s; it is a part of `lag`.
-    """
+    """Lag of the torque behind the motion."""
 
     lag: float
     error: float
+    """`lag`, `error`: Of all joints together, and its standard error, s."""
     step: float
+    """Time between the samples of the logs, s; the longest of several."""
     p_value: float
+    """Of no lag."""
     joints: tuple[JointLag, ...]
+    """Each joint alone."""
     differing: tuple[str, ...]
+    """Joints whose lag differs significantly from that of all joints: a delay of the recording would be the same."""
     significant: bool
+    """Whether all joints agree on a lag that is not chance."""
     sampling_steps: float
+    """Longest lag that sampling and held commands explain, in sample steps."""
     taken: float = 0.0
+    """Lag that the model takes back, s; it is a part of `lag`."""
 
     @property
     def sampling(self) -> bool:
@@ -135,7 +123,6 @@ def torque_lag(problem: Problem, estimate: Estimate, sums: LagSums) -> TorqueLag
 
     Parameters
     ----------
-    problem : Problem
     estimate : Estimate
         The fit.
     sums : LagSums

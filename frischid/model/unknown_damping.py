@@ -9,6 +9,7 @@ other. Without them, v_cmd = 0, the two columns are the same, and no column is a
 from __future__ import annotations
 
 from collections.abc import Mapping, Sequence
+from dataclasses import dataclass
 
 import numpy as np
 
@@ -17,6 +18,7 @@ from frischid.effects import Effect, Viscous
 from frischid.effects.commands import VelocityGain
 from frischid.errors import InputError
 from frischid.logs.controller import VELOCITY_COMMAND, PDController
+from frischid.model.model import Model
 
 
 def open_damping(controller: PDController | None, joints: Sequence[str]) -> list[str]:
@@ -34,8 +36,6 @@ def damping_effects(
 
     Parameters
     ----------
-    controller : PDController or None
-    effects : sequence of Effect
     channels : sequence of mapping of str to ndarray
         Further channels of each log with the torque of the controller, or of its motions.
     joints : sequence of str
@@ -73,7 +73,6 @@ def damping_notes(controller: PDController | None, effects: Sequence[Effect], jo
 
     Parameters
     ----------
-    controller : PDController or None
     effects : sequence of Effect
         Of the model.
     joints : sequence of str
@@ -87,3 +86,28 @@ def damping_notes(controller: PDController | None, effects: Sequence[Effect], jo
         f"kd of {', '.join(summed)} is open and the logs command no velocity (vcmd_<joint>): only the sum of kd and "
         "viscous friction is known, and viscous friction stands for this sum"
     ]
+
+
+@dataclass(frozen=True)
+class DampingSum:
+    """kd + fv of one joint: both resist the joint's own velocity, so logs know the sum best."""
+
+    value: float
+    stderr: float
+    """`value`, `stderr`: N·m·s/rad (N·s/m). The standard error of the sum has the correlation of the two."""
+    apart: bool
+    """Whether the model has kd as a parameter of its own, beside fv."""
+
+
+def damping_sum(model: Model, joint: str) -> DampingSum | None:
+    """The sum of a joint's kd and viscous friction; None where kd was named, or where the logs do not know the sum."""
+    if model.controller is None or model.controller.knows_damping(joint):
+        return None
+    e = model.estimate
+    place = {c.effect: k for k, c in enumerate(e.columns) if c.joint == joint and model.expressions[k] == c.name}
+    apart = any(x.id == VelocityGain.id and joint in (x.joints or (joint,)) for x in model.effects)
+    wanted = (Viscous.id, VelocityGain.id) if apart else (Viscous.id,)
+    if not set(wanted) <= set(place):
+        return None
+    k = [place[x] for x in wanted]
+    return DampingSum(float(e.theta[k].sum()), float(np.sqrt(e.covariance[np.ix_(k, k)].sum())), apart)

@@ -68,10 +68,8 @@ def known_controller(
 
     Parameters
     ----------
-    robot : Robot
     logs : sequence of Log or Recording
         Logs to fit, as read.
-    options : IdentifyOptions
     notes : list of str
         Gets a sentence on what was found.
 

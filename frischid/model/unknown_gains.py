@@ -49,10 +49,8 @@ def known_currents(
 
     Parameters
     ----------
-    robot : Robot
     logs : sequence of Log or Recording
         Logs to fit, with the torque of their controller if there is one.
-    options : IdentifyOptions
     notes : list of str
         Gets sentences on what was found, and on what it means.
 

@@ -54,20 +54,14 @@ SHORTEST = 4.0
 
 
 class Law(NamedTuple):
-    """Steps and chirps with unit coefficients at dense times.
-
-    Attributes
-    ----------
-    t : ndarray, shape (M,)
-    rows : ndarray, shape (3, M, P)
-        Position, velocity and acceleration of every coefficient.
-    constant : ndarray, shape (P,)
-        Coefficients of the motion that stays at 1.
-    """
+    """Steps and chirps with unit coefficients at dense times."""
 
     t: Array
+    """Shape (M,)."""
     rows: Array
+    """Position, velocity and acceleration of every coefficient, (3, M, P)."""
     constant: Array
+    """Coefficients of the motion that stays at 1, (P,)."""
 
 
 def law(family: str, duration: float, size: int, highest: float) -> Law:
@@ -113,12 +107,7 @@ def highest_frequency(half: Array, velocity: Array, acceleration: Array) -> floa
 
 
 def check_command_rate(family: str, highest: float, rate: float) -> None:
-    """Refuse a rate [Hz] at which rows of a file do not show a family's chirps.
-
-    Raises
-    ------
-    InputError
-    """
+    """Refuse (InputError) a rate [Hz] at which rows of a file do not show a family's chirps."""
     if family in STEP_SHARES and rate < POINTS_IN_FILE * highest:
         raise InputError(
             f"family '{family}' moves with up to {highest:.3g} Hz and needs a rate of at least "

@@ -34,25 +34,16 @@ _ALWAYS_SHARE = 0.8
 
 @dataclass(frozen=True, eq=False)
 class Clearance:
-    """Pairs of bodies that must keep a distance.
-
-    Attributes
-    ----------
-    robot : Robot
-    geometry : pinocchio.GeometryModel
-    names : tuple of str
-        The pairs, as ``"link2 and link5"``.
-    margins : ndarray, shape (pairs,)
-        Least distance of each pair, m.
-    notes : tuple of str
-        Bodies that are not checked, and why.
-    """
+    """Pairs of bodies that must keep a distance."""
 
     robot: Robot
     geometry: Any
     names: tuple[str, ...]
+    """The pairs, as ``"link2 and link5"``."""
     margins: Array
+    """Least distance of each pair, m, (pairs,)."""
     notes: tuple[str, ...]
+    """Bodies that are not checked, and why."""
 
     @classmethod
     def of(cls, robot: Robot, *, floor: float | None = 0.0, margin: float = 0.01) -> Clearance:
@@ -60,7 +51,6 @@ class Clearance:
 
         Parameters
         ----------
-        robot : Robot
         floor : float, optional
             Height of the floor above the base, against gravity, m; None for no floor.
         margin : float

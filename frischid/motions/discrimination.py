@@ -43,30 +43,22 @@ CORRELATION_RATE = 50.0
 
 @dataclass(frozen=True, eq=False)
 class Apart:
-    """A motion that distinguishes two effects.
-
-    Attributes
-    ----------
-    plan : Plan
-    first, second : str
-        The effects.
-    typical, correlation : float
-        Largest canonical correlation of the two given all other parameters: median over random motions, and on this
-        motion. If the second effect contains the first: correlation of its further columns with all others.
-    sharper : float
-        Standard errors of both effects' parameters (geometric mean) in the median of random motions, over those on this
-        motion.
-    shared : tuple of str
-        Columns of the second effect that the first has as well.
-    """
+    """A motion that distinguishes two effects."""
 
     plan: Plan
     first: str
     second: str
+    """`first`, `second`: The effects."""
     typical: float
     correlation: float
+    """`typical`, `correlation`: Largest canonical correlation of the two given all other parameters: median over random
+    motions, and on this motion. If the second effect contains the first: correlation of its further columns with all
+    others."""
     sharper: float
+    """Standard errors of both effects' parameters (geometric mean) in the median of random motions, over those on this
+    motion."""
     shared: tuple[str, ...] = ()
+    """Columns of the second effect that the first has as well."""
 
 
 def separate(
@@ -83,18 +75,12 @@ def separate(
 
     Parameters
     ----------
-    robot : Robot
-    first, second : Effect
     effects : sequence of Effect
         Effects that are identified beside the two.
     options : PlanOptions, optional
         As for `plan`, except that the criterion is always `Separation`.
     workers, progress
         As for `plan`.
-
-    Returns
-    -------
-    Apart
 
     Raises
     ------

@@ -30,25 +30,7 @@ from frischid.motions.optimality import UNSMOOTHED, Criterion
 
 @dataclass(frozen=True, eq=False)
 class DriveInformation(Criterion):
-    """Mean log variance of the drives' parameters, given all others.
-
-    Attributes
-    ----------
-    mapping : ndarray, shape (p, C)
-        Base parameters from all C parameters.
-    theta : ndarray, shape (C,)
-        The URDF's parameters.
-    spread : ndarray, shape (C + 1 + J,)
-        Prior standard deviation of every parameter, of the delay in s, and of each joint's gain as a share of it.
-    drives : ndarray of bool, shape (C,)
-        Parameters of the drives, besides delay and gains.
-    noise : ndarray, shape (J,)
-        Standard deviation of the torque's noise, N·m (N).
-    rows : float
-        Independent rows of a joint that a log of this length has.
-    step : float
-        s between the samples.
-    """
+    """Mean log variance of the drives' parameters, given all others."""
 
     name: ClassVar[str] = "drives"
     title: ClassVar[str] = "mean log variance of armature, friction, delay and gains"
@@ -56,12 +38,20 @@ class DriveInformation(Criterion):
     listed: ClassVar[bool] = False
 
     mapping: Array
+    """Base parameters from all C parameters, (p, C)."""
     theta: Array
+    """The URDF's parameters, (C,)."""
     spread: Array
+    """Prior standard deviation of every parameter, of the delay in s, and of each joint's gain as a share of it, (C + 1
+    + J,)."""
     drives: NDArray[np.bool_]
+    """Parameters of the drives, besides delay and gains, (C,)."""
     noise: Array
+    """Standard deviation of the torque's noise, N·m (N), (J,)."""
     rows: float
+    """Independent rows of a joint that a log of this length has."""
     step: float
+    """s between the samples."""
 
     def __call__(self, W: Array, exponent: float = UNSMOOTHED) -> tuple[float, Array]:
         """See `Criterion`."""

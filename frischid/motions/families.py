@@ -26,12 +26,7 @@ WITHOUT_RETURN = ("bspline", "points")
 
 
 def check_return(family: str, repeat: int) -> None:
-    """Refuse several runs in a row of a family whose motions do not end where they began.
-
-    Raises
-    ------
-    InputError
-    """
+    """Refuse (InputError) several runs in a row of a family whose motions do not end where they began."""
     if repeat > 1 and family in WITHOUT_RETURN:
         raise InputError(
             f"a motion of the family {family} cannot be repeated: it does not end where it began; plan with the family "
@@ -41,21 +36,14 @@ def check_return(family: str, repeat: int) -> None:
 
 @dataclass(frozen=True, eq=False)
 class Family:
-    """Motions linear in their coefficients.
-
-    Attributes
-    ----------
-    build : callable
-        Coefficients (P, J) -> motion.
-    constant : ndarray, shape (P,)
-        Coefficients of the motion that stays at 1.
-    fastest : float
-        Hz. Highest frequency that a motion may have; 0 where its number of coefficients says this.
-    """
+    """Motions linear in their coefficients."""
 
     build: Callable[[Array], ClosedForm]
+    """Coefficients (P, J) -> motion."""
     constant: Array
+    """Coefficients of the motion that stays at 1, (P,)."""
     fastest: float = 0.0
+    """Hz. Highest frequency that a motion may have; 0 where its number of coefficients says this."""
 
     @classmethod
     def named(cls, name: str, duration: float, size: int, highest: float = USUAL) -> Family:

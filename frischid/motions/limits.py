@@ -46,22 +46,14 @@ LEAST_SHARE = 1e-6
 
 @dataclass(frozen=True)
 class Violation:
-    """One limit that a motion violates, at the time of the largest violation.
-
-    Attributes
-    ----------
-    kind : str
-        ``"position"``, ``"velocity"``, ``"acceleration"``, ``"torque"`` or ``"distance"``.
-    joint : str
-        The joint, or the two bodies that come too close.
-    time : float
-        Seconds from the start.
-    value, limit : float
-    """
+    """One limit that a motion violates, at the time of the largest violation."""
 
     kind: str
+    """``"position"``, ``"velocity"``, ``"acceleration"``, ``"torque"`` or ``"distance"``."""
     joint: str
+    """The joint, or the two bodies that come too close."""
     time: float
+    """Seconds from the start."""
     value: float
     limit: float
 

@@ -28,11 +28,8 @@ class Cost:
 
     Parameters
     ----------
-    robot : Robot
-    effects : sequence of Effect
     t : ndarray, shape (N,)
         Times of the samples, s.
-    criterion : Criterion
     seed : int
         Seed of the noise that a criterion may add.
 

@@ -17,12 +17,7 @@ LARGEST_SEED = 2**31
 
 
 def check_length(duration: float, seed: int) -> None:
-    """Refuse a length [s] or a seed of a motion that is made up.
-
-    Raises
-    ------
-    InputError
-    """
+    """Refuse (InputError) a length [s] or a seed of a motion that is made up."""
     check_number("the duration", duration)
     check_number("the seed", seed)
     if not SHORTEST_MOTION <= duration <= LONGEST_MOTION:
@@ -32,24 +27,14 @@ def check_length(duration: float, seed: int) -> None:
 
 
 def check_seed(seed: int) -> None:
-    """Refuse a seed that is none.
-
-    Raises
-    ------
-    InputError
-    """
+    """Refuse (InputError) a seed that is none."""
     check_number("the seed", seed)
     if seed < 0:
         raise InputError(f"the seed must be a whole number from 0, got {seed}")
 
 
 def check_runs(repeat: int) -> None:
-    """Refuse a number of runs of a motion that is none, or that nobody records in one log.
-
-    Raises
-    ------
-    InputError
-    """
+    """Refuse (InputError) a number of runs of a motion that is none, or that nobody records in one log."""
     if not 1 <= repeat <= MOST_RUNS:
         raise InputError(f"a motion can run 1 to {MOST_RUNS} times in a row, got repeat {shortened(repeat)}")
 

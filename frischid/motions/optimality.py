@@ -117,17 +117,7 @@ class DOptimal(Criterion):
 
 @dataclass(frozen=True)
 class Paper(Criterion):
-    """Cost (19) of Massaroli et al.
-
-    Attributes
-    ----------
-    condition, smallest, correlation : float
-        Weights λ₁ of cond Π, λ₂ of 1/σ_min(Π), and of ψ.
-    noise : float
-        Standard deviation of the synthetic noise on q, q̇ and q̈; the authors' code uses 1.
-    draws : int
-        Noise realisations over which ψ is averaged. With a single one, as the authors use, the motion can adapt to it.
-    """
+    """Cost (19) of Massaroli et al."""
 
     name: ClassVar[str] = "paper"
     title: ClassVar[str] = "cost (19): λ₁ cond + λ₂/σ_min + ψ"
@@ -137,8 +127,12 @@ class Paper(Criterion):
     condition: float = 1.0
     smallest: float = 1.0
     correlation: float = 1.0
+    """`condition`, `smallest`, `correlation`: Weights λ₁ of cond Π, λ₂ of 1/σ_min(Π), and of ψ."""
     noise: float = 1.0
+    """Standard deviation of the synthetic noise on q, q̇ and q̈; the authors' code uses 1."""
     draws: int = 1
+    """Noise realisations over which ψ is averaged. With a single one, as the authors use, the motion can adapt to it.
+    """
 
     def __post_init__(self) -> None:
         if not (np.isfinite(self.noise) and self.noise >= 0 and self.draws >= 1):
@@ -180,11 +174,6 @@ class Separation(Criterion):
     """Joint variance of the parameters of the last columns, beside all other parameters (D_s-optimality).
 
     A. C. Atkinson, A. N. Donev and R. D. Tobias, Optimum Experimental Designs, with SAS, Oxford 2007, section 10.3.
-
-    Attributes
-    ----------
-    count : int
-        Number of these columns, at the end of the base regressor.
     """
 
     name: ClassVar[str] = "separation"
@@ -193,6 +182,7 @@ class Separation(Criterion):
     listed: ClassVar[bool] = False
 
     count: int
+    """Number of these columns, at the end of the base regressor."""
 
     def __call__(self, W: Array, exponent: float = UNSMOOTHED) -> tuple[float, Array]:
         """See `Criterion`."""

@@ -70,39 +70,25 @@ class _SpentError(Exception):
 
 @dataclass(eq=False)
 class Search:
-    """Search for the coefficients that lower the cost within the limits.
-
-    Attributes
-    ----------
-    family : Family
-    cost : Cost
-    excess : Excess
-    duration : float
-        Length of the motion, s.
-    bounds : {"everywhere", "points"}
-        Whether the limits hold at all times or only at the via points.
-    budget : int
-        Evaluations of the cost.
-    box : (ndarray, ndarray), optional
-        Lower and upper bounds of the coefficients, where `bounds` is ``"points"``.
-    progress : callable, optional
-    best, found : float, ndarray
-        Least cost of a motion that keeps its limits, and its coefficients.
-    history : list of (int, float)
-        Number of evaluations, and the best cost so far.
-    """
+    """Search for the coefficients that lower the cost within the limits."""
 
     family: Family
     cost: Cost
     excess: Excess
     duration: float
+    """Length of the motion, s."""
     bounds: Bounds
+    """Whether the limits hold at all times or only at the via points."""
     budget: int
+    """Evaluations of the cost."""
     box: tuple[Array, Array] | None = None
+    """Lower and upper bounds of the coefficients, where `bounds` is ``"points"``."""
     progress: Progress | None = None
     best: float = np.inf
     found: Array | None = None
+    """`best`, `found`: Least cost of a motion that keeps its limits, and its coefficients."""
     history: list[tuple[int, float]] = field(default_factory=list)
+    """Number of evaluations, and the best cost so far."""
 
     def __post_init__(self) -> None:
         # Between the times of the grid, bodies come a little closer.

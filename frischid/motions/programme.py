@@ -41,65 +41,44 @@ NEAREST_RATE = 20.0
 
 @dataclass(frozen=True)
 class Peak:
-    """The largest value of one quantity of one joint, against its limit.
-
-    Attributes
-    ----------
-    joint, kind : str
-        kind: ``"position"``, ``"speed"``, ``"acceleration"`` or ``"torque"`` (of the URDF's own parameters).
-    value, limit : float
-        rad, rad/s, rad/s², N·m (m, m/s, m/s², N). The limit is infinite where the URDF states none. A position is
-        counted from the middle of its limits.
-    """
+    """The largest value of one quantity of one joint, against its limit."""
 
     joint: str
     kind: str
+    """`joint`, `kind`: kind: ``"position"``, ``"speed"``, ``"acceleration"`` or ``"torque"`` (of the URDF's own
+    parameters)."""
     value: float
     limit: float
+    """`value`, `limit`: rad, rad/s, rad/s², N·m (m, m/s, m/s², N). The limit is infinite where the URDF states none. A
+    position is counted from the middle of its limits."""
 
 
 @dataclass(frozen=True)
 class Nearest:
-    """The least distance of two bodies along a motion.
-
-    Attributes
-    ----------
-    bodies : str
-    distance, margin : float
-        m; the distance is infinite if nothing comes nearer than `NEAREST_MEASURED`.
-    time : float
-        s from the start.
-    """
+    """The least distance of two bodies along a motion."""
 
     bodies: str
     distance: float
     margin: float
+    """`distance`, `margin`: m; the distance is infinite if nothing comes nearer than `NEAREST_MEASURED`."""
     time: float
+    """s from the start."""
 
 
 @dataclass(frozen=True, eq=False)
 class Programme:
-    """A motion with its ways, ready to be sampled.
-
-    Attributes
-    ----------
-    joints : tuple of str
-    parts : tuple of ClosedForm
-        The ways and the motion, in order; each starts where the last one ends, at rest.
-    approach, back : float
-        Length of the ways before and after the motion, s; zero without a home pose.
-    peaks : tuple of Peak
-        Of all parts together.
-    nearest : Nearest or None
-        None where the URDF has no collision shapes.
-    """
+    """A motion with its ways, ready to be sampled."""
 
     joints: tuple[str, ...]
     parts: tuple[ClosedForm, ...]
+    """The ways and the motion, in order; each starts where the last one ends, at rest."""
     approach: float
     back: float
+    """`approach`, `back`: Length of the ways before and after the motion, s; zero without a home pose."""
     peaks: tuple[Peak, ...]
+    """Of all parts together."""
     nearest: Nearest | None
+    """None where the URDF has no collision shapes."""
 
     @property
     def duration(self) -> float:
@@ -141,8 +120,6 @@ def programme(
 
     Parameters
     ----------
-    robot : Robot
-    plan : Plan
     home : sequence of float, optional
         Pose before and after the motion, rad (m); None: the motion alone.
     share : float
@@ -151,10 +128,6 @@ def programme(
         Runs of the motion, one after another without a pause.
     clearance : Clearance, optional
         Pairs of bodies that must not touch; by default from the URDF's collision shapes and a floor at the base.
-
-    Returns
-    -------
-    Programme
 
     Raises
     ------

@@ -60,21 +60,15 @@ class Fourier:
         q_j(t) = c_j + Σ_k [A_kj (sin ω_k t)/ω_k − B_kj (cos ω_k t − 1)/ω_k],   ω_k = 2πk / duration
 
     with Σ_k A_kj = 0 and Σ_k k B_kj = 0, so that q̇ and q̈ are zero at the ends; `rested` makes coefficients so.
-
-    Attributes
-    ----------
-    centre : ndarray, shape (J,)
-        Position at both ends, rad (m).
-    A, B : ndarray, shape (K, J)
-        Coefficients of K harmonics, rad/s (m/s).
-    duration : float
-        Period, s.
     """
 
     centre: Array
+    """Position at both ends, rad (m), (J,)."""
     A: Array
     B: Array
+    """`A`, `B`: Coefficients of K harmonics, rad/s (m/s), (K, J)."""
     duration: float
+    """Period, s."""
 
     @classmethod
     def rested(cls, centre: Array, A: Array, B: Array, duration: float) -> Fourier:
@@ -190,17 +184,12 @@ class BSpline:
 
     It is four times continuously differentiable, each control point changes it locally, and it stays in the hull of its
     control points.
-
-    Attributes
-    ----------
-    points : ndarray, shape (M, J)
-        Control points, rad (m). Three equal ones at an end mean standstill at that end: see `rested`.
-    duration : float
-        Length, s.
     """
 
     points: Array
+    """Control points, rad (m), (M, J). Three equal ones at an end mean standstill at that end: see `rested`."""
     duration: float
+    """Length, s."""
 
     def __post_init__(self) -> None:
         if len(self.points) <= SPLINE_DEGREE:

@@ -28,26 +28,19 @@ _MATLAB_STATES, _MATLAB_NOISE = ("q", "qd", "qdd"), ("nq", "nqd", "nqdd")
 
 @dataclass(frozen=True, eq=False)
 class AuthorPoints:
-    """The points of the exciting motion.
-
-    Attributes
-    ----------
-    source : str
-        The file they were read from.
-    t : ndarray, shape (M,)
-        Seconds.
-    q, v, a : ndarray, shape (M, 2)
-        Position, rad; velocity, rad/s; acceleration, rad/s².
-    noise : ndarray, shape (3, M, 2), or None
-        The one draw of standard normal noise on q, q̇ and q̈ that the authors' search used throughout.
-    """
+    """The points of the exciting motion."""
 
     source: str
+    """The file they were read from."""
     t: Array
+    """Seconds, (M,)."""
     q: Array
     v: Array
     a: Array
+    """`q`, `v`, `a`: Position, rad, (M, 2); velocity, rad/s; acceleration, rad/s²."""
     noise: Array | None
+    """The one draw of standard normal noise on q, q̇ and q̈ that the authors' search used throughout, (3, M, 2), or
+    None."""
 
     @property
     def states(self) -> Array:
@@ -62,10 +55,6 @@ def load_points(path: str | Path | None = None) -> AuthorPoints:
     ----------
     path : str or Path, optional
         The authors' ``final.mat``, or a table with the columns of a log.
-
-    Returns
-    -------
-    AuthorPoints
 
     Raises
     ------

@@ -27,7 +27,6 @@ def equation_table(points: AuthorPoints, published: Sequence[StudyRun], correcte
 
     Parameters
     ----------
-    points : AuthorPoints
     published, corrected : sequence of StudyRun
         Either may be empty; its claims are then left out.
     """

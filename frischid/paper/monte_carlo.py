@@ -43,22 +43,15 @@ _TRIES = 4
 
 @dataclass(frozen=True, eq=False)
 class ArmMotion:
-    """The noise-free motion of an arm and its torque.
-
-    Attributes
-    ----------
-    arm : PlanarArm
-    t : ndarray, shape (N,)
-    states : ndarray, shape (3, N, 2)
-        q, q̇, q̈.
-    torque : ndarray, shape (2N,)
-        Rows sample by sample.
-    """
+    """The noise-free motion of an arm and its torque."""
 
     arm: PlanarArm
     t: Array
+    """Shape (N,)."""
     states: Array
+    """q, q̇, q̈, (3, N, 2)."""
     torque: Array
+    """Rows sample by sample, (2N,)."""
 
     @classmethod
     def of(cls, arm: PlanarArm, t: Array, states: Array) -> ArmMotion:
@@ -68,40 +61,29 @@ class ArmMotion:
 
 @dataclass(frozen=True, eq=False)
 class StudyRun:
-    """Results of one noisy log; every array holds the nine parameters in the order of Table 3.
-
-    Attributes
-    ----------
-    one_shot : Box
-        θ_min and θ_max.
-    last : Box
-        The box that the recursion ended with.
-    selected, squared, least_squares : ndarray, shape (9,)
-        By eq. (24) in the last box, by squared norms in the last box, and without a box.
-    same_orthant : bool
-        Whether Theorem 1 backs the one-shot box.
-    contradicted : bool
-        Whether Algorithm 1 as printed contradicts itself, over the windows that were looked at.
-    discarded : bool
-        Whether the authors' code replaces this run.
-    lower, upper : ndarray, shape (H, 9)
-        Bounds after the windows `history_steps`; as published only.
-    measured, rebuilt : ndarray, shape (S, 2)
-        Torque of the first seconds, as measured and from θ*.
-    """
+    """Results of one noisy log; every array holds the nine parameters in the order of Table 3."""
 
     one_shot: Box
+    """θ_min and θ_max."""
     last: Box
+    """The box that the recursion ended with."""
     selected: Array
     squared: Array
     least_squares: Array
+    """`selected`, `squared`, `least_squares`: By eq. (24) in the last box, by squared norms in the last box, and
+    without a box, (9,)."""
     same_orthant: bool
+    """Whether Theorem 1 backs the one-shot box."""
     contradicted: bool
+    """Whether Algorithm 1 as printed contradicts itself, over the windows that were looked at."""
     discarded: bool
+    """Whether the authors' code replaces this run."""
     lower: Array
     upper: Array
+    """`lower`, `upper`: Bounds after the windows `history_steps`, (H, 9); as published only."""
     measured: NDArray[np.float32]
     rebuilt: NDArray[np.float32]
+    """`measured`, `rebuilt`: Torque of the first seconds, as measured and from θ*, (S, 2)."""
 
 
 def study(
@@ -116,10 +98,6 @@ def study(
 
     Parameters
     ----------
-    motion : ArmMotion
-    runs : int
-    as_published : bool
-    seed : int
     progress : callable
         Called with the runs done and the runs wanted.
 
@@ -180,24 +158,16 @@ def history_steps(samples: int) -> NDArray[np.intp]:
 
 
 class AuthorsRecursion(NamedTuple):
-    """Result of the recursion as published.
-
-    Attributes
-    ----------
-    last : Box
-    lower, upper : ndarray, shape (H, 9)
-        Bounds after the windows `history_steps`.
-    crossed : bool
-        Whether the start is empty already; the box of the complete log then takes its place.
-    undone : int
-        Windows left out because they would have emptied the box.
-    """
+    """Result of the recursion as published."""
 
     last: Box
     lower: Array
     upper: Array
+    """`lower`, `upper`: Bounds after the windows `history_steps`, (H, 9)."""
     crossed: bool
+    """Whether the start is empty already; the box of the complete log then takes its place."""
     undone: int
+    """Windows left out because they would have emptied the box."""
 
 
 def authors_recursion(rows: Array, one_shot: Box) -> AuthorsRecursion:
@@ -209,10 +179,6 @@ def authors_recursion(rows: Array, one_shot: Box) -> AuthorsRecursion:
         The first N rows of [W τ], N the number of samples.
     one_shot : Box
         Of the complete log.
-
-    Returns
-    -------
-    AuthorsRecursion
     """
     first = simplex(rows[:WINDOW].T @ rows[:WINDOW], one_shot.names).box()
     known = np.asarray(SIGNS) > 0

@@ -26,9 +26,6 @@ def paper_page(source: str, authors: bool, runs: int, tables: Sequence[PaperTabl
         Where the points come from.
     authors : bool
         Whether they are the authors'.
-    runs : int
-    tables : sequence of PaperTable
-    drawings : sequence of Drawing
 
     Returns
     -------

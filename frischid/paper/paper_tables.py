@@ -25,27 +25,17 @@ _CHANCE = 0.05
 
 @dataclass(frozen=True)
 class PaperTable:
-    """A table of the paper, computed again.
-
-    Attributes
-    ----------
-    title : str
-    headings : tuple of str
-    rows : tuple of tuple of str
-    words : int
-        Columns, from the left, that hold words.
-    notes : tuple of str
-        Why ours and the printed figures differ, or that they do not.
-    numbers : mapping
-        The same figures as plain JSON values, in full precision.
-    """
+    """A table of the paper, computed again."""
 
     title: str
     headings: tuple[str, ...]
     rows: tuple[tuple[str, ...], ...]
     words: int
+    """Columns, from the left, that hold words."""
     notes: tuple[str, ...]
+    """Why ours and the printed figures differ, or that they do not."""
     numbers: Mapping[str, Any]
+    """The same figures as plain JSON values, in full precision."""
 
 
 def table_1() -> PaperTable:
@@ -70,7 +60,6 @@ def costs_19(arm: PlanarArm, points: AuthorPoints, noise: Array) -> Array:
 
     Parameters
     ----------
-    arm : PlanarArm
     points : AuthorPoints
         M points.
     noise : ndarray, shape (D, 3, M, 2)

@@ -45,27 +45,18 @@ SIGNS: tuple[Sign, ...] = (1, 1, 1, 1, 1, 0, 0, 0, 0)
 
 @dataclass(frozen=True, eq=False)
 class PlanarArm:
-    """The arm, and the nine columns that the paper's torque is regressed on.
-
-    Attributes
-    ----------
-    title : str
-    regressor : Regressor
-        All columns, dependent ones included.
-    independent, dependent : tuple of str
-        Columns of Γ_l1 and Γ_l2.
-    as_printed : bool
-        Whether Γ_d is that of eq. (16) as printed.
-    theta : ndarray, shape (9,)
-        True values, in the order of the paper's Table 3.
-    """
+    """The arm, and the nine columns that the paper's torque is regressed on."""
 
     title: str
     regressor: Regressor
+    """All columns, dependent ones included."""
     independent: tuple[str, ...]
     dependent: tuple[str, ...]
+    """`independent`, `dependent`: Columns of Γ_l1 and Γ_l2."""
     as_printed: bool
+    """Whether Γ_d is that of eq. (16) as printed."""
     theta: Array
+    """True values, in the order of the paper's Table 3, (9,)."""
 
     @cached_property
     def names(self) -> tuple[str, ...]:
@@ -172,7 +163,6 @@ def regrouping_error(arm: PlanarArm, t: Array, q: Array, v: Array, a: Array) -> 
 
     Parameters
     ----------
-    arm : PlanarArm
     t : ndarray, shape (N,)
     q, v, a : ndarray, shape (N, 2)
     """

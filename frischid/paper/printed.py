@@ -41,15 +41,7 @@ class Spread(NamedTuple):
 
 @dataclass(frozen=True)
 class ParameterRow:
-    """One row of Tables 3 and 4.
-
-    Attributes
-    ----------
-    symbol, stands_for, unit : str
-    reference : float
-    lower, upper, selected, error : Spread
-        The columns θ_min, θ_max (Table 3), θ* and e (Table 4).
-    """
+    """One row of Tables 3 and 4."""
 
     symbol: str
     stands_for: str
@@ -59,6 +51,7 @@ class ParameterRow:
     upper: Spread
     selected: Spread
     error: Spread
+    """`lower`, `upper`, `selected`, `error`: The columns θ_min, θ_max (Table 3), θ* and e (Table 4)."""
 
 
 def _row(symbol: str, stands_for: str, unit: str, reference: float, *values: float) -> ParameterRow:

@@ -55,20 +55,14 @@ def accumulate(
 
     Parameters
     ----------
-    regressor : Regressor
     motions : iterable of Motion
         Read one at a time if `seconds` is given, otherwise all at once.
-    lowpass : LowPass
     joints : sequence of str
         Joints whose torque rows are used.
     seconds : float, optional
         Length of all motions together, s; computed by default.
     base : sequence of int, optional
         Columns to keep, all by default.
-
-    Returns
-    -------
-    Blocks
     """
     if seconds is None:
         motions = list(motions)

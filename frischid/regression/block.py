@@ -23,26 +23,18 @@ COLUMNS_BESIDE_Y = 6
 
 @dataclass(frozen=True, eq=False)
 class Samples:
-    """The channels of consecutive samples of a motion that a regressor needs.
-
-    Attributes
-    ----------
-    t : ndarray, shape (N,)
-        Time, s.
-    q, v, a : ndarray, shape (N, J)
-        Positions, rad (m), velocities and accelerations.
-    start : float
-        Time at which the log begins, s.
-    extra : mapping of str to ndarray, shape (N,)
-        Further channels that effects read, for example ``temperature_<joint>``.
-    """
+    """The channels of consecutive samples of a motion that a regressor needs."""
 
     t: Array
+    """Time, s, (N,)."""
     q: Array
     v: Array
     a: Array
+    """`q`, `v`, `a`: Positions, rad (m), velocities and accelerations, (N, J)."""
     start: float
+    """Time at which the log begins, s."""
     extra: Mapping[str, Array] = field(default_factory=dict)
+    """Further channels that effects read, for example ``temperature_<joint>``, (N,)."""
 
     @classmethod
     def of(cls, motion: Motion) -> Samples:
@@ -57,24 +49,17 @@ class Samples:
 
 @dataclass(frozen=True, eq=False)
 class Block:
-    """Filtered and decimated samples of one stretch of motion.
-
-    Attributes
-    ----------
-    t : ndarray, shape (M,)
-    Z : ndarray, shape (M, C + 6, J)
-        The C columns of Y, then `tau`, ones, `known`, `q`, `v`, `a`.
-    used : ndarray of bool, shape (M, J)
-        False at standstill, where dry friction is undetermined: such a torque row is not fitted and does not count in
-        errors.
-    source : str
-        The log.
-    """
+    """Filtered and decimated samples of one stretch of motion."""
 
     t: Array
+    """Shape (M,)."""
     Z: Array
+    """The C columns of Y, then `tau`, ones, `known`, `q`, `v`, `a`, (M, C + 6, J)."""
     used: NDArray[np.bool_]
+    """False at standstill, where dry friction is undetermined, (M, J): such a torque row is not fitted and does not
+    count in errors."""
     source: str
+    """The log."""
 
     @property
     def Y(self) -> Array:

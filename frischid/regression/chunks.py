@@ -27,7 +27,6 @@ def filtered_chunks(
 
     Parameters
     ----------
-    motion : Motion
     lowpass : LowPass
         Filters the channels, and keeps every D-th sample.
     shape : tuple of int

@@ -30,35 +30,23 @@ CACHE_BYTES = 2**19
 
 @dataclass(frozen=True, eq=False)
 class JointRows:
-    """Where each joint's numbers come from, and where they stand in the row of a sample.
-
-    Attributes
-    ----------
-    regressor : Regressor
-    columns : tuple of Column
-        The p kept columns.
-    joints : tuple of str
-        Joints whose rows are summed.
-    index : tuple of int
-        Place of each of them in the robot.
-    effects : dict
-        Place of an effect's column among the K kept ones, for each (column, joint of the robot).
-    taken : ndarray of int, shape (W,)
-        For each number of a row, its place in [links' columns (J × R), effects (K), torques (J), 1].
-    parts : tuple of slice
-        For each joint, its numbers in a row.
-    ends : tuple of ndarray of int
-        For each joint, where these numbers, without the one, go among the p columns and the torque.
-    """
+    """Where each joint's numbers come from, and where they stand in the row of a sample."""
 
     regressor: Regressor
     columns: tuple[Column, ...]
+    """The p kept columns."""
     joints: tuple[str, ...]
+    """Joints whose rows are summed."""
     index: tuple[int, ...]
+    """Place of each of them in the robot."""
     effects: Mapping[tuple[int, int], int]
+    """Place of an effect's column among the K kept ones, for each (column, joint of the robot)."""
     taken: NDArray[np.intp]
+    """For each number of a row, its place in [links' columns (J × R), effects (K), torques (J), 1], (W,)."""
     parts: tuple[slice, ...]
+    """For each joint, its numbers in a row."""
     ends: tuple[NDArray[np.intp], ...]
+    """For each joint, where these numbers, without the one, go among the p columns and the torque."""
 
     @classmethod
     def of(cls, regressor: Regressor, joints: Sequence[str], base: Sequence[int] | None = None) -> JointRows:

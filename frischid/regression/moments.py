@@ -24,27 +24,18 @@ from frischid.errors import InputError, UnknownNameError
 
 @dataclass(frozen=True, eq=False)
 class Gram:
-    """Moments of [Y τ] per joint.
-
-    Attributes
-    ----------
-    columns : tuple of Column
-        The C columns of Y.
-    joints : tuple of str
-        The J joints whose torque rows were summed.
-    moments : ndarray, shape (J, C + 1, C + 1)
-        ``Σ_k z_k z_kᵀ`` of each joint, torque last.
-    sums : ndarray, shape (J, C + 1)
-        ``Σ_k z_k`` of each joint, for means and variances.
-    counts : ndarray, shape (J,)
-        Samples summed for each joint.
-    """
+    """Moments of [Y τ] per joint."""
 
     columns: tuple[Column, ...]
+    """The C columns of Y."""
     joints: tuple[str, ...]
+    """The J joints whose torque rows were summed."""
     moments: Array
+    """``Σ_k z_k z_kᵀ`` of each joint, torque last, (J, C + 1, C + 1)."""
     sums: Array
+    """``Σ_k z_k`` of each joint, for means and variances, (J, C + 1)."""
     counts: Array
+    """Samples summed for each joint, (J,)."""
 
     @classmethod
     def zeros(cls, columns: Sequence[Column], joints: Sequence[str]) -> Gram:

@@ -40,8 +40,6 @@ class Regressor:
 
     Parameters
     ----------
-    robot : Robot
-    effects : sequence of Effect
     reference : mapping of str to float, optional
         Parameter values that give the load for effects that depend on the load; the URDF's values by default.
 
@@ -133,7 +131,6 @@ class Regressor:
 
         Parameters
         ----------
-        samples : Samples
         remembered : mapping, optional
             Columns of effects with memory at these samples, as `remember` computes them for a whole motion. Without
             them, an effect with memory starts at the first sample.
@@ -186,7 +183,6 @@ class Regressor:
 
         Parameters
         ----------
-        samples : Samples
         remembered : mapping
             Columns of effects with memory at these samples; see `evaluate`.
         load : ndarray, shape (N, J), or None
@@ -301,8 +297,6 @@ class Regressor:
 
         Parameters
         ----------
-        motion : Motion
-        lowpass : LowPass
         chunk : int
             Samples that are evaluated at once; the samples of all blocks together do not depend on this number.
         """

@@ -46,10 +46,8 @@ def structure(
 
     Parameters
     ----------
-    regressor : Regressor
     torque_joints : sequence of str
         Joints whose torque is measured.
-    seed : int
     scale : RobotScale, optional
         Units in which parameters are compared with one another; by default the robot's own.
 

@@ -23,40 +23,26 @@ from frischid.model.prediction import Prediction, predict
 
 @dataclass(frozen=True, eq=False)
 class OtherModel:
-    """A model that is shown beside the one of the report.
-
-    Attributes
-    ----------
-    name : str
-        The step that made the model, or the name of its file.
-    said : str
-        Its error, in words; empty where nobody measured it.
-    prediction : Prediction
-        Along the logs of the report.
-    """
+    """A model that is shown beside the one of the report."""
 
     name: str
+    """The step that made the model, or the name of its file."""
     said: str
+    """Its error, in words; empty where nobody measured it."""
     prediction: Prediction
+    """Along the logs of the report."""
 
 
 @dataclass(frozen=True, eq=False)
 class SideBySide:
-    """The errors of several models on the same logs.
-
-    Attributes
-    ----------
-    logs : tuple of str
-        Sources of the logs.
-    seen : bool
-        Whether one of the models was fitted to one of them: there is no log that none of them knows.
-    models : dict of str to Comparison
-        By name; the model of the report is the first.
-    """
+    """The errors of several models on the same logs."""
 
     logs: tuple[str, ...]
+    """Sources of the logs."""
     seen: bool
+    """Whether one of the models was fitted to one of them: there is no log that none of them knows."""
     models: Mapping[str, Comparison]
+    """By name; the model of the report is the first."""
 
 
 def earlier_steps(model: Model, logs: Sequence[Log], prediction: Prediction) -> list[OtherModel]:
@@ -64,8 +50,6 @@ def earlier_steps(model: Model, logs: Sequence[Log], prediction: Prediction) -> 
 
     Parameters
     ----------
-    model : Model
-    logs : sequence of Log
     prediction : Prediction
         Of the model along these logs.
     """

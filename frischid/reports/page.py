@@ -100,7 +100,6 @@ def page(found: Study, model_path: str = "model.json") -> str:
 
     Parameters
     ----------
-    found : Study
     model_path : str
         Name of the model's file in the commands the page proposes.
 

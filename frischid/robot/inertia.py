@@ -58,7 +58,6 @@ def redistributed(parts: Array, whole: Array, main: int) -> Array:
         Pseudo-inertias in one frame.
     whole : ndarray, shape (4, 4)
         Their new sum.
-    main : int
 
     Returns
     -------

@@ -55,7 +55,6 @@ def read_limits(model: Any, joints: Sequence[int]) -> JointLimits:
 
     Parameters
     ----------
-    model : pinocchio.Model
     joints : sequence of int
         Pinocchio's index of each joint.
     """

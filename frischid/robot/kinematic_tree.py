@@ -9,7 +9,7 @@ with q_i = factor · q_leader + shift. The leader is the joint itself, unless th
 
 from __future__ import annotations
 
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 
 import numpy as np
 import pinocchio as pin
@@ -20,29 +20,19 @@ from frischid.robot.robot import Robot
 
 @dataclass(frozen=True, eq=False)
 class Body:
-    """One moving body, and the joint that connects it to its parent.
-
-    Attributes
-    ----------
-    joint : str
-    parent : int
-        Index of the parent body; -1 for the base.
-    rotation, translation : ndarray, shape (3, 3) and (3,)
-        Pose of the joint at zero in the parent's joint frame.
-    axis : ndarray, shape (3,)
-    slides : bool
-    leader : int
-        Index of the independent joint that moves the body.
-    factor, shift : float
-    """
+    """One moving body, and the joint that connects it to its parent."""
 
     joint: str
     parent: int
+    """Index of the parent body; -1 for the base."""
     rotation: Array
     translation: Array
+    """`rotation`, `translation`: Pose of the joint at zero in the parent's joint frame, (3, 3) and (3,)."""
     axis: Array
+    """Shape (3,)."""
     slides: bool
     leader: int
+    """Index of the independent joint that moves the body."""
     factor: float
     shift: float
 
@@ -80,3 +70,74 @@ def links_of(robot: Robot, joint: str) -> dict[str, Array]:
     index = robot.numbers[joint]
     frames = [f for f in robot.model.frames if f.parentJoint == index and f.type == pin.FrameType.BODY]
     return {f.name: f.placement.homogeneous for f in frames}
+
+
+def tip_joint(robot: Robot) -> str:
+    """Name of the last joint of the longest chain; of several chains of the same length, of the last one."""
+    model, depth = robot.model, [0]
+    for index in range(1, model.njoints):
+        depth.append(depth[model.parents[index]] + 1)
+    return str(model.names[len(depth) - 1 - int(np.argmax(depth[::-1]))])
+
+
+def tip_positions(robot: Robot, q: Array) -> Array:
+    """Positions of the tip, m: on the body of `tip_joint`, the origin of the URDF frame farthest from the joint.
+
+    Parameters
+    ----------
+    q : ndarray, shape (N, J)
+        Joint positions, rad (m).
+
+    Returns
+    -------
+    ndarray, shape (N, 3)
+        In the base frame.
+
+    Examples
+    --------
+    >>> import numpy as np
+    >>> import frischid as fr
+    >>> from frischid.robot.kinematic_tree import tip_positions
+    >>> tip_positions(fr.Robot.load("planar2"), np.zeros((4, 2))).shape
+    (4, 3)
+    """
+    name = tip_joint(robot)
+    far = replace(robot, frames="far_end").frame_placement(name).translation
+    model, data = robot.model, robot.model.createData()
+    index, out = model.getJointId(name), np.empty((len(q), 3))
+    for target, x in zip(out, robot.configuration(q), strict=True):
+        pin.forwardKinematics(model, data, x)
+        target[:] = data.oMi[index].act(far)
+    return out
+
+
+def skeleton(robot: Robot, q: Array) -> tuple[Array, list[int], dict[str, int], dict[int, Array]]:
+    """The robot as points and lines.
+
+    Parameters
+    ----------
+    q : ndarray, shape (J,)
+        Pose, rad (m).
+
+    Returns
+    -------
+    points : ndarray, shape (K, 3)
+        The root and the joints of all moving bodies, m.
+    parents : list of int, length K
+        The point before each.
+    names : dict of str to int
+        Point of each joint.
+    tips : dict of int to ndarray, shape (3,)
+        Far end of each last link, by its joint's point: the farthest frame, or twice the centre of mass.
+    """
+    model, data = robot.model, robot.model.createData()
+    pin.framesForwardKinematics(model, data, robot.configuration(np.atleast_2d(q))[0])
+    points = np.array([m.translation for m in data.oMi])
+    parents = [int(p) for p in model.parents]
+    tips: dict[int, Array] = {}
+    for k in (k for k in range(1, len(points)) if k not in parents):
+        own = [f.translation for f, frame in zip(data.oMf, model.frames, strict=True) if frame.parentJoint == k]
+        body = model.inertias[k]
+        own.append(data.oMi[k].act(2.0 * body.lever) if body.mass > 0 else points[k])
+        tips[k] = own[int(np.argmax(np.linalg.norm(np.array(own) - points[k], axis=1)))]
+    return points, parents, {name: model.getJointId(name) for name in robot.joints}, tips

@@ -37,7 +37,6 @@ class MassMatrices:
 
     Parameters
     ----------
-    robot : Robot
     columns : ndarray, shape (P, R)
         Values of ``robot.columns``, one row per set of parameters. Known parameters keep their known values.
 

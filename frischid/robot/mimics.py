@@ -16,20 +16,13 @@ from frischid.errors import InputError
 
 
 class MimicRule(NamedTuple):
-    """Position of a mimic joint: ``factor · q_leader + shift``.
-
-    Attributes
-    ----------
-    leader : str
-        The independent joint that the mimic joint follows.
-    factor : float
-    shift : float
-        rad (m).
-    """
+    """Position of a mimic joint: ``factor · q_leader + shift``."""
 
     leader: str
+    """The independent joint that the mimic joint follows."""
     factor: float
     shift: float
+    """rad (m)."""
 
 
 def mimic_rules(urdf: str) -> dict[str, MimicRule]:

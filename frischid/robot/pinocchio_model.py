@@ -41,10 +41,6 @@ def build_model(urdf: str, source: str, locked: Mapping[str, float], gravity: Se
     gravity : sequence of 3 float
         Gravity in the base frame, m/s².
 
-    Returns
-    -------
-    pinocchio.Model
-
     Raises
     ------
     InputError
@@ -145,7 +141,6 @@ def with_inertias(model: Any, blocks: Array | None, armature: Mapping[int, float
 
     Parameters
     ----------
-    model : pinocchio.Model
     blocks : ndarray, shape (L, 10), optional
         Dynamic parameters of the L bodies, about their joint frames; the model's own by default.
     armature : mapping of int to float

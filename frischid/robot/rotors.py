@@ -27,7 +27,6 @@ def rotor_coupling(robot: Robot, q: Array, v: Array, a: Array, joint: str, ratio
 
     Parameters
     ----------
-    robot : Robot
     q, v, a : ndarray, shape (N, J)
         Positions, rad (m), velocities and accelerations.
     joint : str

@@ -24,29 +24,18 @@ _POWER = {"²": 2, "³": 3}
 
 @dataclass(frozen=True)
 class RobotScale:
-    """Natural units of a robot.
-
-    Attributes
-    ----------
-    mass : float
-        kg; 1 where the URDF has no masses.
-    length : float
-        m; 1 where the URDF has no length at all.
-    time : float
-        s; 1 without gravity.
-    """
+    """Natural units of a robot."""
 
     mass: float
+    """kg; 1 where the URDF has no masses."""
     length: float
+    """m; 1 where the URDF has no length at all."""
     time: float
+    """s; 1 without gravity."""
 
     @classmethod
     def of(cls, robot: Robot) -> RobotScale:
         """The scale of a robot.
-
-        Parameters
-        ----------
-        robot : Robot
 
         Examples
         --------

@@ -22,29 +22,18 @@ DEEPEST_ELEMENT = 500
 
 @dataclass
 class Element:
-    """An element of a file.
-
-    Attributes
-    ----------
-    name : str
-    attributes : dict of str to str
-    tag : (int, int)
-        Bytes of the start tag.
-    end : int
-        Place after the whole element.
-    line : int
-        Line of the start tag, from 1.
-    empty : bool
-        Whether the start tag is the whole element, as in ``<mass value="1"/>``.
-    children : list of Element
-    """
+    """An element of a file."""
 
     name: str
     attributes: dict[str, str]
     tag: Span
+    """Bytes of the start tag."""
     end: int
+    """Place after the whole element."""
     line: int
+    """Line of the start tag, from 1."""
     empty: bool
+    """Whether the start tag is the whole element, as in ``<mass value="1"/>``."""
     children: list[Element] = field(default_factory=list)
 
     def child(self, name: str) -> Element | None:
@@ -63,7 +52,6 @@ def elements(data: bytes, source: str) -> Element:
 
     Parameters
     ----------
-    data : bytes
     source : str
         Name of the file in messages.
 

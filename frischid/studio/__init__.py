@@ -89,7 +89,6 @@ class Studio:
 
         Parameters
         ----------
-        model : Model
         logs : sequence of Log or data frame, or one data frame
             Logs the model was fitted to are fitted again with every added effect; the others only measure the error.
         output : str or Path

@@ -48,7 +48,6 @@ class State:
     ----------
     revision : int
         Grows with every change of the model.
-    model : Model
     prediction : Prediction
         Along all logs.
     comparison : Comparison
@@ -88,7 +87,6 @@ class Bench:
 
     Parameters
     ----------
-    model : Model
     logs : sequence of Log
         Logs the model was fitted to are fitted again when an effect is added, and select the missing effects. The
         others only test. The model's own logs that are not given are looked for: see `frischid.diagnosis.roles`.

@@ -26,16 +26,7 @@ JOINT = 1.25  # radius of a joint over that of the links
 
 
 def urdf_of(robot: Robot) -> Any:
-    """A yourdfpy URDF in which every link with a body can be drawn.
-
-    Parameters
-    ----------
-    robot : Robot
-
-    Returns
-    -------
-    yourdfpy.URDF
-    """
+    """A yourdfpy URDF in which every link with a body can be drawn."""
     import trimesh
     import yourdfpy
 

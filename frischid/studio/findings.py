@@ -32,10 +32,8 @@ class Findings:
 
     Parameters
     ----------
-    gui : viser's GUI of the tab
     folder : handle
         Where the list stands.
-    bench : Bench
     add : callable
         Called with the effects of a finding, the revision and the finding, when its button is clicked.
     attempt : callable

@@ -26,7 +26,6 @@ def first_look(logs: Sequence[Log], lowpass: LowPass) -> list[Log]:
 
     Parameters
     ----------
-    logs : sequence of Log
     lowpass : LowPass
         The filter of the model.
 

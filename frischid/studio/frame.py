@@ -33,10 +33,6 @@ colours do not follow the reader's choice. The scene, which has no background of
 class Frame:
     """Panels of one browser tab, still empty.
 
-    Parameters
-    ----------
-    client : viser.ClientHandle
-
     Attributes
     ----------
     phone : bool

@@ -45,13 +45,6 @@ _REPLACING = threading.Lock()  # over the function of websockets that opens a se
 class Gate:
     """The three conditions of a request.
 
-    Attributes
-    ----------
-    host : str
-        Address that the server listens on.
-    token : str
-        First part of every path.
-
     Examples
     --------
     >>> from frischid.studio.gate import Gate
@@ -64,7 +57,9 @@ class Gate:
     """
 
     host: str
+    """Address that the server listens on."""
     token: str = field(default_factory=lambda: secrets.token_urlsafe(TOKEN_BYTES))
+    """First part of every path."""
 
     def refusal(self, path: str, hosts: list[str], origins: list[str]) -> str | None:
         """Name of the first condition that a request does not fulfil; None for a request that may come in.

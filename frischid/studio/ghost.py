@@ -22,8 +22,6 @@ class Ghost:
 
     Parameters
     ----------
-    client : viser.ClientHandle
-    bench : Bench
     configuration : callable
         Positions of the robot's joints (J,) -> those of the drawn robot.
     """
@@ -54,7 +52,6 @@ def simulated_at(state: State, x: float) -> Array | None:
 
     Parameters
     ----------
-    state : State
     x : float
         s.
     """

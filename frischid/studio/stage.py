@@ -38,9 +38,6 @@ class Stage:
 
     Parameters
     ----------
-    client : viser.ClientHandle
-    bench : Bench
-    track : Track
     chosen : callable
         Called with the name of a joint that was clicked.
     free : tuple of float

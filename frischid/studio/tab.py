@@ -54,8 +54,6 @@ class Tab:
     ----------
     frame : Frame
         The frame that holds the content.
-    bench : Bench
-    track : Track
     """
 
     def __init__(self, frame: Frame, bench: Bench, track: Track) -> None:

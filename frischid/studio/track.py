@@ -13,18 +13,12 @@ from frischid.studio.bench import Bench
 
 @dataclass(frozen=True, eq=False)
 class Track:
-    """Poses along the logs on one axis of time; shared by all tabs.
-
-    Attributes
-    ----------
-    x : ndarray, shape (N,)
-        Time on the common axis, s, ascending.
-    q : ndarray, shape (N, J)
-        Positions of the robot's joints, rad (m).
-    """
+    """Poses along the logs on one axis of time; shared by all tabs."""
 
     x: Array
+    """Time on the common axis, s, ascending, (N,)."""
     q: Array
+    """Positions of the robot's joints, rad (m), (N, J)."""
 
     @classmethod
     def of(cls, bench: Bench) -> Track:

@@ -11,7 +11,7 @@ import pytest
 from cases import robot
 from click.testing import CliRunner
 
-from frischid.checks import corrected_urdf
+from frischid.checks import corrected_urdf, explanation
 from frischid.checks.check_criteria import DEFAULT_CRITERIA, CheckCriteria
 from frischid.checks.payload import Body
 from frischid.checks.position_faults import JOINT_ZERO, position_faults
@@ -322,11 +322,15 @@ def test_the_corrected_urdf_moves_as_the_corrected_columns():
     assert np.allclose(other.inverse_dynamics(q, v, a), sign * true, atol=1e-6)
 
 
+def sketch_of(log, arm=UR):
+    lowpass = LowPass(5.0)
+    return Sketch.of(arm, prepare(log, lowpass).motions, lowpass, arm.joints).thinned(200)
+
+
 def test_a_zero_is_tried_with_the_joints_that_mimic_it():
     """A joint that turns twice as far is no sine of the same angle: the torque was wrong by two thirds of its size."""
-    arm, lowpass = robot("mixed mimic"), LowPass(5.0)
-    log = simulate(arm, random_fourier(arm, 10.0, seed=1), rate=100.0)
-    sketch = Sketch.of(arm, prepare(log, lowpass).motions, lowpass, arm.joints).thinned(200)
+    arm = robot("mixed mimic")
+    sketch = sketch_of(simulate(arm, random_fourier(arm, 10.0, seed=1), rate=100.0), arm)
     zeros = [moved for moved in position_faults(sketch) if moved.fault.kind == JOINT_ZERO]
     assert {moved.fault.where for moved in zeros} == {("turn",), ("elbow",)}
     for tried in (moved.sketch for moved in zeros):
@@ -408,6 +412,17 @@ def test_a_spring_does_not_hide_a_payload(log):
     found, _ = issues(with_spring(with_body(log, 5.0), 2))
     assert set(found) >= {"payload", "spring"}
     assert found["spring"].where == (UR.joints[2],)
+
+
+def test_no_further_fault_of_positions_is_read_beside_springs_that_explain_all(log, monkeypatch):
+    """On a robot of 32 joints these readings take minutes, and none of them could be a rival."""
+    read, every = [], explanation.local_fits
+    monkeypatch.setattr(explanation, "local_fits", lambda fits, **simple: read.append(simple) or every(fits, **simple))
+    found, _ = issues(with_spring(with_spring(log, 2), 1))
+    assert set(found) == {"spring"}
+    alone = read.index({"simple": True})  # each fault of positions, once
+    assert alone > 20
+    assert len(read) < 2 * alone
 
 
 def test_a_spring_does_not_hide_a_tilted_base(log):

@@ -110,8 +110,14 @@ def test_an_effect_named_without_a_shape_gets_the_friction_smoothing_of_the_mode
     assert searched(model, parse_effects(stated), stated, logs, "always") == parse_effects(stated)
 
 
+@cache
+def of_healthy():
+    """Diagnosis of a robot that misses nothing."""
+    return diagnose(healthy(), [log_of(1), log_of(2)])
+
+
 def test_a_healthy_robot_raises_no_alarm():
-    found = diagnose(healthy(), [log_of(1), log_of(2)])
+    found = of_healthy()
     assert found.verdict == "none"
     assert not any(f.significant for f in found.findings)
     assert found.error < 2 * found.noise_floor
@@ -133,7 +139,7 @@ def test_a_healthy_robot_raises_no_alarm():
 
 def test_no_missing_effect_beside_a_probable_one_is_explained_on_every_surface():
     """The ranking may give an effect half of the probability although no effect is called missing."""
-    found = diagnose(healthy(), [log_of(1), log_of(2)])
+    found = of_healthy()
     first = next(f for f in found.findings if f.members)
     weak = replace(first, probability=0.49, gain=3.0, p_value=0.2)
     others = [f for f in found.findings if f is not first]

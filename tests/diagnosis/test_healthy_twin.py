@@ -52,8 +52,16 @@ def logs_of(effect: str = "", step: float = COARSE, noise: float = 0.0) -> tuple
     return tuple(found)
 
 
+@cache
 def fit(logs):
     return cross_validator(identify(ARM, logs[:1], recursion="none").model, logs)[0]
+
+
+@cache
+def with_a_spring():
+    """Diagnosis of the arm with a hidden spring."""
+    logs = logs_of("joint_spring@joint2")
+    return diagnose(fit(logs).model, logs)
 
 
 def test_the_error_of_a_healthy_robot_with_coarse_encoders_is_the_twins():
@@ -71,28 +79,25 @@ def test_with_fine_encoders_the_twin_has_no_more_error_than_the_noise_floor():
 
 
 def test_the_error_with_an_effect_that_is_missing_is_more_than_the_twins():
-    logs = logs_of("joint_spring@joint2")
-    first = diagnose(fit(logs).model, logs).findings[0]
+    first = with_a_spring().findings[0]
     assert (first.effect, first.joints) == ("joint_spring", ("joint2",))
     assert first.floors > first.over_twin > 3
 
 
 def test_an_effect_that_is_missing_explains_nothing_of_the_twin():
-    logs, spring = logs_of("joint_spring@joint2"), parse_effects("joint_spring@joint2")
-    v = fit(logs)
+    spring = parse_effects("joint_spring@joint2")
+    v = fit(logs_of("joint_spring@joint2"))
     (found,) = v.candidates(spring)
     assert scored(v, [found]).gain > 50
     assert HealthyTwin(v).explained(spring) == 0.0
-    first = diagnose(v.model, logs).findings[0]
+    first = with_a_spring().findings[0]
     assert (first.effect, first.twin_removed) == ("joint_spring", 0.0)
 
 
 def test_an_error_like_the_twins_is_evidence_that_nothing_is_missing(monkeypatch):
-    logs = logs_of("joint_spring@joint2")
-    model = fit(logs).model
-    before = diagnose(model, logs)
+    logs, before = logs_of("joint_spring@joint2"), with_a_spring()
     monkeypatch.setattr(HealthyTwin, "error", property(lambda twin: 1e3 * np.ones(len(twin.fit.joints))))
-    after = diagnose(model, logs)
+    after = diagnose(fit(logs).model, logs)
     assert after.probabilities["none"] > 3 * before.probabilities["none"]
 
 
@@ -100,8 +105,7 @@ def test_an_error_like_the_twins_is_evidence_that_nothing_is_missing(monkeypatch
     ("by_twin", "likely", "aside"), [("none", "none", True), ("none", "effect", False), ("effect", "none", False)]
 )
 def test_what_the_twin_has_too_is_set_aside_where_nothing_missing_is_likeliest(by_twin, likely, aside):
-    logs = logs_of("joint_spring@joint2")
-    found = diagnose(fit(logs).model, logs).findings
+    found = with_a_spring().findings
     chance = {"joint_spring": 0.6 - 0.3 * (likely == "none"), **dict.fromkeys(OTHERS, 0.05)}
     chance["none"] = 0.9 - chance["joint_spring"]
     (first, *_) = named = without_bias(with_probability(found, chance, 1.0), by_twin, chance)
@@ -113,8 +117,7 @@ def test_what_the_twin_has_too_is_set_aside_where_nothing_missing_is_likeliest(b
 
 def test_what_is_called_missing_stands_before_what_is_not():
     """On TIAGo a drift that is not called missing (31 %) had stood above the friction that is (41 %)."""
-    logs = logs_of("joint_spring@joint2")
-    found = diagnose(fit(logs).model, logs)
+    found = with_a_spring()
     missing = next(f for f in found.findings if f.significant)
     others = [f for f in found.findings if not f.significant]
     chance = {missing.effect: 0.4, others[0].effect: 0.3, **dict.fromkeys(OTHERS, 0.05)}
@@ -125,8 +128,7 @@ def test_what_is_called_missing_stands_before_what_is_not():
 
 def test_numbers_in_the_names_of_found_values_are_explained():
     """TIAGo's fl4 is that of arm_3_joint: the lift is joint 1."""
-    logs = logs_of("joint_spring@joint2")
-    result = diagnose(fit(logs).model, logs)
+    result = with_a_spring()
     assert result.findings[0].joint_numbers(result.validator.model.robot) == ""  # ks2 is that of joint2
     ur10 = Robot.load("ur10", joints=["elbow_joint", "wrist_1_joint"])
     found = replace(result.findings[0], members=parse_effects("load_friction@wrist_1_joint"))

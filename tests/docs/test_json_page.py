@@ -95,7 +95,6 @@ def test_files_and_outputs_of_options_have_the_form_of_their_schemas(filled, tmp
     printed("compare model.json test.csv --simulate")
     printed("diagnose model.json log.csv --try joint_spring --simulate")
     printed("identify robot.urdf unloaded_currents.csv")
-    printed("identify robot.urdf log.csv --estimator output_error --horizon 0.2")
     printed("identify robot.urdf log.csv --scheduler none")
     printed(f"demo --practice {tmp_path}/practice")
     printed(f"check robot.urdf turned.csv -o {tmp_path}/fixed.toml")

@@ -11,7 +11,7 @@ import frischid as fr
 from frischid.errors import InputError
 from frischid.forward.motion_error import compare_simulated
 from frischid.forward.torque_sources import RecordedTorque, TorqueFunction
-from frischid.robot.tip import tip_joint, tip_positions
+from frischid.robot.kinematic_tree import tip_joint, tip_positions
 
 SMOOTH = fr.parse_effects("viscous, offset, rotor_inertia")
 

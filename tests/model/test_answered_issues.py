@@ -4,8 +4,8 @@ import pytest
 
 from frischid.checks.log_issue import LogIssue
 from frischid.effects import BASELINE, parse_effects
-from frischid.model.answered_issues import is_answered
 from frischid.model.identification import identify
+from frischid.model.log_quality import is_answered
 from frischid.motions.simulation import Noise, simulate
 from frischid.motions.trajectory import random_fourier
 from frischid.robot.robot import Robot

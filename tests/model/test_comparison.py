@@ -30,9 +30,13 @@ def model():
     return quick(UR10, [log_of(1)]).model
 
 
+@cache
+def of_other_log():
+    return compare(model(), [log_of(2)])
+
+
 def test_figures_are_those_of_the_residual():
-    log = log_of(2)
-    result = compare(model(), [log])
+    log, result = log_of(2), of_other_log()
     kept = slice(3, len(log) - 3)  # what derivatives cannot see is left out
     predicted = model().inverse_dynamics(log.q, log.v, log.a, log.t)[kept]
     measured = log.tau[kept]
@@ -166,7 +170,7 @@ def test_logs_that_cannot_be_compared():
 
 
 def test_a_torque_that_never_changes_is_not_compared_and_the_others_are():
-    log, whole = log_of(2), compare(model(), [log_of(2)])
+    log, whole = log_of(2), of_other_log()
     tau = log.tau.copy()
     tau[:, 2] = 3.0
     result = compare(model(), [replace(log, tau=tau)])
@@ -177,7 +181,7 @@ def test_a_torque_that_never_changes_is_not_compared_and_the_others_are():
 
 
 def test_to_dict_holds_everything():
-    result = compare(model(), [log_of(2)])
+    result = of_other_log()
     data = result.to_dict()
     assert data["nrmse"] == result.nrmse
     assert set(data["joints"]) == set(UR10.joints)
@@ -204,7 +208,7 @@ def test_no_error_is_below_the_floor():
     """It would refute the floor: here the noise of the log that is compared is far below that of a coarse encoder."""
     log = log_of(2)
     coarse = replace(log, q=np.round(log.q / 2e-3) * 2e-3, v=None, a=None)
-    for found in (compare(model(), [log]), compare(model(), [coarse])):
+    for found in (of_other_log(), compare(model(), [coarse])):
         assert all(j.noise_floor <= j.nrmse for j in found.joints)
 
 

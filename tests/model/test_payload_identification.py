@@ -40,8 +40,13 @@ def loaded(factor=1.0):
     return simulate(UR, random_fourier(UR, 15, seed=2), rate=100, noise=NOISE, parameters=values)
 
 
+@cache
+def weighed(frame=None):
+    return payload(bare(), [loaded()], frame=frame)
+
+
 def test_the_body_is_weighed_with_bounds_that_hold():
-    found = payload(bare(), [loaded()], frame="wrist_3_link")
+    found = weighed("wrist_3_link")
     for value, truth, name in ((found.mass, 2.0, "mass"), *zip(found.centre, (0.02, 0.0, 0.1), "xyz", strict=True)):
         # bounds of 95 % are two standard errors; among four numbers one may be outside, none by as much again
         assert abs(value - truth) <= 2 * found.bound[name]
@@ -51,7 +56,7 @@ def test_the_body_is_weighed_with_bounds_that_hold():
 
 
 def test_the_frame_only_moves_the_numbers():
-    here, there = payload(bare(), [loaded()], frame="wrist_3_link"), payload(bare(), [loaded()])
+    here, there = weighed("wrist_3_link"), weighed()
     assert there.frame == "tool0"
     placement = next(f.placement for f in UR.model.frames if f.name == "tool0")
     np.testing.assert_allclose(placement.act(there.centre), here.centre, atol=1e-6)
@@ -61,7 +66,7 @@ def test_the_frame_only_moves_the_numbers():
 
 
 def test_texts_to_enter():
-    found = payload(bare(), [loaded()])
+    found = weighed()
     franka = json.loads(found.franka())
     assert franka["mass"] == pytest.approx(found.mass, rel=1e-3)
     assert len(franka["load_inertia"]) == 9
@@ -116,7 +121,7 @@ def test_a_log_that_is_given_twice_is_refused():
 
 def test_a_log_that_no_body_explains_raises_an_alarm():
     """Torques that were 1.2 times too large had given 2.4 ± 0.02 kg for a body of 1.5 kg, and nothing was said."""
-    assert payload(bare(), [loaded()]).alarms == ()
+    assert weighed().alarms == ()
     scaled = payload(bare(), [replace(loaded(), tau=1.2 * loaded().tau, source="scaled")])
     assert abs(scaled.mass - 2.0) > 2 * scaled.bound["mass"]
     assert [(alarm.id, alarm.severity) for alarm in scaled.alarms] == [("unlike-the-fitted-logs", "severe")]

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from dataclasses import replace
+from functools import cache
 
 import numpy as np
 import pytest
@@ -31,8 +32,14 @@ def commanded(seed: int = 1, late: float = 0.0, seconds: float = 12.0, **changes
     return replace(made, **changes)
 
 
+@cache
+def without_gains() -> fr.Identification:
+    """The identification of a log of commands with no gain known."""
+    return fr.identify(fr.Robot.load("planar2"), [commanded()], controller=fr.PDController(), recursion="none")
+
+
 def test_gains_come_from_the_masses_of_the_urdf_with_their_doubt() -> None:
-    found = fr.identify(fr.Robot.load("planar2"), [commanded()], controller=fr.PDController(), recursion="none")
+    found = without_gains()
     controller = found.model.controller
     assert controller is not None
     for joint, truth in KP.items():
@@ -43,7 +50,7 @@ def test_gains_come_from_the_masses_of_the_urdf_with_their_doubt() -> None:
 
 
 def test_ratios_to_a_found_gain_are_sharper_than_the_values() -> None:
-    found = fr.identify(fr.Robot.load("planar2"), [commanded()], controller=fr.PDController(), recursion="none")
+    found = without_gains()
     rows = {(x.joint, x.quantity): x for x in fr.drive_parameters(found.model)}
     kp, friction = rows["joint2", "stiffness"], rows["joint2", "coulomb"]
     assert (kp.known, friction.known) == ("roughly", "as a ratio")
@@ -56,7 +63,7 @@ def test_ratios_to_a_found_gain_are_sharper_than_the_values() -> None:
 
 def test_one_known_gain_is_a_scale_for_the_others() -> None:
     robot, log = fr.Robot.load("planar2"), commanded()
-    alone = fr.identify(robot, [log], controller=fr.PDController(), recursion="none").model.controller
+    alone = without_gains().model.controller
     beside = fr.identify(robot, [log], controller=fr.PDController(kp={"joint1": 300.0}), recursion="none")
     controller = beside.model.controller
     assert alone is not None

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from dataclasses import replace
+from functools import cache
 from pathlib import Path
 
 import numpy as np
@@ -25,6 +26,12 @@ def amperes(seed: int = 1, *, keep: tuple[str, ...] = ()) -> fr.Log:
     torque = np.array([n in keep for n in robot.joints])
     current = np.where(torque, np.nan, log.tau / list(GAINS.values()))
     return replace(log, tau=np.where(torque, log.tau, np.nan), current=current, sha256=None)
+
+
+@cache
+def in_amperes() -> fr.Identification:
+    """The identification of a log of currents with no gain known."""
+    return fr.identify(fr.Robot.load("planar2"), [amperes()], recursion="none")
 
 
 def test_gains_and_their_signs_come_from_the_masses() -> None:
@@ -58,7 +65,7 @@ def test_a_voltage_is_a_signal_like_a_current() -> None:
 
 
 def test_friction_in_amperes_is_sharper_than_the_gains() -> None:
-    found = fr.identify(fr.Robot.load("planar2"), [amperes()], recursion="none")
+    found = in_amperes()
     assert found.model.currents is not None
     for k, (drawn, gain) in enumerate(zip(found.amperes, GAINS.values(), strict=True), start=1):
         for pair, name in ((drawn.viscous, "fv"), (drawn.coulomb, "fc")):
@@ -72,7 +79,7 @@ def test_friction_in_amperes_is_sharper_than_the_gains() -> None:
 
 def test_holding_current_is_that_of_gravity() -> None:
     robot, log = fr.Robot.load("planar2"), amperes()
-    found = fr.identify(robot, [log], recursion="none")
+    found = in_amperes()
     zero = np.zeros_like(log.q)
     true = robot.inverse_dynamics(log.q, zero, zero) / list(GAINS.values())
     for j, drawn in enumerate(found.amperes):
@@ -84,7 +91,7 @@ def test_holding_current_is_that_of_gravity() -> None:
 
 def test_torques_beside_currents_are_a_scale() -> None:
     robot = fr.Robot.load("planar2")
-    alone = fr.identify(robot, [amperes()], recursion="none").model.currents
+    alone = in_amperes().model.currents
     beside = fr.identify(robot, [amperes(keep=("joint1",))], recursion="none").model.currents
     assert alone is not None
     assert beside is not None

@@ -4,6 +4,7 @@ import json
 import os
 import re
 from dataclasses import replace
+from functools import cache
 from pathlib import Path
 
 import numpy as np
@@ -25,8 +26,8 @@ from frischid.motions.optimize import Search
 from frischid.motions.plan import plan
 from frischid.motions.plan_options import PlanOptions
 from frischid.motions.trajectory import Fourier
+from frischid.robot.kinematic_tree import skeleton
 from frischid.robot.robot import Robot
-from frischid.robot.skeleton import skeleton
 
 BOX = '<collision><origin xyz="0 0 {z}"/><geometry><box size="0.06 0.06 {h}"/></geometry></collision>'
 LIMIT = '<limit lower="-3" upper="3" velocity="3" effort="500"/>'
@@ -372,9 +373,13 @@ def test_the_printed_cost_is_that_of_a_log_of_the_motion(criterion):
     assert found.cost != pytest.approx(found.history[-1, 1], rel=0.01)
 
 
+@cache
+def quickly_planned():
+    return plan(Robot.load("planar2"), options=PlanOptions(duration=4.0, budget=20, seed=0))
+
+
 def test_the_picture_shows_the_robot_along_the_motion(tmp_path):
-    robot = Robot.load("planar2")
-    planned = plan(robot, options=PlanOptions(duration=4.0, budget=20, seed=0))
+    robot, planned = Robot.load("planar2"), quickly_planned()
     figure = figures.animated(planned, robot)
     log = planned.to_log(50.0)
     assert len(figure.frames) == len(log.t)
@@ -390,7 +395,7 @@ def test_the_picture_shows_the_robot_along_the_motion(tmp_path):
 
 
 def test_a_search_without_a_history_still_shows_the_cost_of_its_motion():
-    planned = plan(Robot.load("planar2"), options=PlanOptions(duration=4.0, budget=20, seed=0))
+    planned = quickly_planned()
     short = replace(planned, history=np.zeros((0, 2)))
     *_, cost = figures.excitation(short).data
     assert "markers" in cost.mode, "a line through one point is not drawn"
@@ -399,7 +404,7 @@ def test_a_search_without_a_history_still_shows_the_cost_of_its_motion():
 
 
 def test_the_picture_is_whole_on_a_narrow_page():
-    planned = plan(Robot.load("planar2"), options=PlanOptions(duration=4.0, budget=20, seed=0))
+    planned = quickly_planned()
     curves, moving = figures.excitation(planned), figures.animated(planned, Robot.load("planar2"))
     assert {a.xanchor for a in curves.layout.annotations} == {"left"}
     assert curves.layout.legend.orientation == "h"

@@ -8,7 +8,7 @@ import sys
 import threading
 import time
 import warnings
-from contextlib import nullcontext
+from contextlib import contextmanager, nullcontext
 from dataclasses import replace
 from types import SimpleNamespace
 
@@ -393,6 +393,17 @@ def test_text_is_no_markup():
 # ---- the page
 
 
+@contextmanager
+def in_a_browser(model, logs, output, port, **page):
+    """A running studio, and its page in a browser."""
+    running = studio(model, logs, output, port=port)
+    try:
+        with opened(running.address, flags=SOLID, **page) as seen:
+            yield running, seen
+    finally:
+        running.stop()
+
+
 def error_shown(page):
     """NRMSE in the headline."""
     return float(re.search(r"NRMSE ([\d.]+)", page.inner_text("body")).group(1))
@@ -411,73 +422,69 @@ SHOWN = """() => document.querySelector(".js-plotly-plot")._fullLayout.xaxis.ran
 
 @needs_browser
 def test_a_session_in_the_browser(case, tmp_path):
-    running = studio(*case, tmp_path / "model.json", port=8200)
-    try:
-        with opened(running.address, height=700, flags=SOLID) as seen:
-            page = seen.page
-            page.set_default_timeout(180_000)
-            page.wait_for_selector(".js-plotly-plot .scatterlayer path")
-            before = error_shown(page)
-            assert before == pytest.approx(running.bench.state.headline.nrmse, abs=1e-4)
-            page.get_by_role("button", name="Play").click()
-            slider = page.get_by_role("slider").first
-            settled(lambda: float(slider.get_attribute("aria-valuenow")) > 0.2)
-            page.get_by_role("button", name="Pause").click()
-            settled(lambda: abs(page.evaluate(CURSOR) - float(slider.get_attribute("aria-valuenow"))) < 0.5)
+    with in_a_browser(*case, tmp_path / "model.json", port=8200, height=700) as (running, seen):
+        page = seen.page
+        page.set_default_timeout(180_000)
+        page.wait_for_selector(".js-plotly-plot .scatterlayer path")
+        before = error_shown(page)
+        assert before == pytest.approx(running.bench.state.headline.nrmse, abs=1e-4)
+        page.get_by_role("button", name="Play").click()
+        slider = page.get_by_role("slider").first
+        settled(lambda: float(slider.get_attribute("aria-valuenow")) > 0.2)
+        page.get_by_role("button", name="Pause").click()
+        settled(lambda: abs(page.evaluate(CURSOR) - float(slider.get_attribute("aria-valuenow"))) < 0.5)
 
-            page.get_by_role("button", name="Show joint_spring on the residual").click()
-            page.wait_for_selector("text=torque of joint_spring")
-            ((_, tab),) = running.tabs.items()
-            assert tab.stage.lit == {"joint2"}
-            legend = page.locator(".frischid-legend")
-            settled(lambda: "acts in the finding shown" in legend.inner_text())
-            assert "joints: error 0 %" in legend.inner_text()
-            page.get_by_role("button", name="Add joint_spring").click()
-            settled(lambda: error_shown(page) < 0.1 * before)
-            page.wait_for_selector("text=Last step, joint_spring")
-            assert not tab.stage.lit
-            settled(lambda: "acts in the finding shown" not in legend.inner_text())
-            settled(lambda: "before" in page.evaluate(CURVES))
-            page.get_by_label("Before the step too").click()
-            settled(lambda: "before" not in page.evaluate(CURVES))
+        page.get_by_role("button", name="Show joint_spring on the residual").click()
+        page.wait_for_selector("text=torque of joint_spring")
+        ((_, tab),) = running.tabs.items()
+        assert tab.stage.lit == {"joint2"}
+        legend = page.locator(".frischid-legend")
+        settled(lambda: "acts in the finding shown" in legend.inner_text())
+        assert "joints: error 0 %" in legend.inner_text()
+        page.get_by_role("button", name="Add joint_spring").click()
+        settled(lambda: error_shown(page) < 0.1 * before)
+        page.wait_for_selector("text=Last step, joint_spring")
+        assert not tab.stage.lit
+        settled(lambda: "acts in the finding shown" not in legend.inner_text())
+        settled(lambda: "before" in page.evaluate(CURVES))
+        page.get_by_label("Before the step too").click()
+        settled(lambda: "before" not in page.evaluate(CURVES))
 
-            # zoom: the figure shows the stretch between the two numbers
-            row = page.locator("xpath=//*[normalize-space(text())='Shown, from and to, s']/ancestor::*[.//input][1]")
-            row.locator("input").nth(1).fill("10")
-            row.locator("input").nth(1).press("Enter")
-            settled(lambda: 9.0 < page.evaluate(SHOWN)[1] < 11.0)
+        # zoom: the figure shows the stretch between the two numbers
+        row = page.locator("xpath=//*[normalize-space(text())='Shown, from and to, s']/ancestor::*[.//input][1]")
+        row.locator("input").nth(1).fill("10")
+        row.locator("input").nth(1).press("Enter")
+        settled(lambda: 9.0 < page.evaluate(SHOWN)[1] < 11.0)
 
-            # one log alone: its curves fill the figure, and the robot starts at its beginning
-            tab.log.value = "2: log 1"
-            settled(lambda: page.evaluate(SHOWN)[0] > 30.0)
-            assert float(tab.time.value) == pytest.approx(tab.stretch.value[0])
-            tab.log.value = "all logs"
-            settled(lambda: page.evaluate(SHOWN)[0] < 1.0)
-            page.get_by_role("button", name="Undo the last step").click()
-            settled(lambda: error_shown(page) == before)
+        # one log alone: its curves fill the figure, and the robot starts at its beginning
+        tab.log.value = "2: log 1"
+        settled(lambda: page.evaluate(SHOWN)[0] > 30.0)
+        assert float(tab.time.value) == pytest.approx(tab.stretch.value[0])
+        tab.log.value = "all logs"
+        settled(lambda: page.evaluate(SHOWN)[0] < 1.0)
+        page.get_by_role("button", name="Undo the last step").click()
+        settled(lambda: error_shown(page) == before)
 
-            # a formula that is none: said, and nothing has changed
-            box = page.locator("input[value='sin(q)']")
-            box.fill("sin(banana)")
-            page.get_by_role("button", name="Add this formula").click()
-            page.wait_for_selector("text=unknown variable 'banana'")
-            assert error_shown(page) == before
+        # a formula that is none: said, and nothing has changed
+        box = page.locator("input[value='sin(q)']")
+        box.fill("sin(banana)")
+        page.get_by_role("button", name="Add this formula").click()
+        page.wait_for_selector("text=unknown variable 'banana'")
+        assert error_shown(page) == before
 
-            page.get_by_role("tab", name="Keep").click()
-            page.get_by_role("button", name="Save the model").click()
-            page.wait_for_selector("text=Model written to")
-            assert len(Model.load(tmp_path / "model.json").history) == 1
-            with page.expect_download() as download:
-                page.get_by_role("button", name="Download the report").click()
-            assert download.value.path().read_text(encoding="utf-8").startswith("<!doctype html>")
-            page.wait_for_selector("text=Report downloaded")
-            assert (tmp_path / "model.html").exists()
-            page.get_by_role("tab", name="Where it fails").click()
-            page.wait_for_selector(".heatmaplayer image")
-            bad = [c for c in seen.complaints if "Error" in c or "Uncaught" in c]
-            assert bad == []
-    finally:
-        running.stop()
+        page.get_by_role("tab", name="Keep").click()
+        page.get_by_role("button", name="Save the model").click()
+        page.wait_for_selector("text=Model written to")
+        assert len(Model.load(tmp_path / "model.json").history) == 1
+        with page.expect_download() as download:
+            page.get_by_role("button", name="Download the report").click()
+        assert download.value.path().read_text(encoding="utf-8").startswith("<!doctype html>")
+        page.wait_for_selector("text=Report downloaded")
+        assert (tmp_path / "model.html").exists()
+        page.get_by_role("tab", name="Where it fails").click()
+        page.wait_for_selector(".heatmaplayer image")
+        bad = [c for c in seen.complaints if "Error" in c or "Uncaught" in c]
+        assert bad == []
 
 
 def spot(page, tab, joint):
@@ -521,29 +528,25 @@ HIGHEST = """() => {
 
 @needs_browser
 def test_a_click_on_a_joint_shows_its_curves(case, tmp_path):
-    running = studio(*case, tmp_path / "model.json", port=8210)
-    try:
-        with opened(running.address, height=700, flags=SOLID) as seen:
-            page = seen.page
-            highest = dict(zip(("joint1", "joint2"), running.bench.state.prediction.measured.max(axis=0), strict=True))
+    with in_a_browser(*case, tmp_path / "model.json", port=8210, height=700) as (running, seen):
+        page = seen.page
+        highest = dict(zip(("joint1", "joint2"), running.bench.state.prediction.measured.max(axis=0), strict=True))
 
-            def shown(joint):
-                return page.evaluate(HIGHEST) == pytest.approx(highest[joint], rel=1e-5)
+        def shown(joint):
+            return page.evaluate(HIGHEST) == pytest.approx(highest[joint], rel=1e-5)
 
-            settled(lambda: shown("joint2"))  # the worst: it has the spring
-            tab = in_place(running, page)
-            chosen = page.get_by_label("Joint", exact=True).first
-            for joint in ("joint1", "joint2"):
+        settled(lambda: shown("joint2"))  # the worst: it has the spring
+        tab = in_place(running, page)
+        chosen = page.get_by_label("Joint", exact=True).first
+        for joint in ("joint1", "joint2"):
 
-                def clicked(joint=joint):  # again, where the browser has not drawn the joint yet
-                    page.mouse.click(*spot(page, tab, joint))
-                    return chosen.input_value() == joint
+            def clicked(joint=joint):  # again, where the browser has not drawn the joint yet
+                page.mouse.click(*spot(page, tab, joint))
+                return chosen.input_value() == joint
 
-                settled(clicked)
-                page.wait_for_selector(f"text={joint}: measured and predicted torque")
-                settled(lambda joint=joint: shown(joint))
-    finally:
-        running.stop()
+            settled(clicked)
+            page.wait_for_selector(f"text={joint}: measured and predicted torque")
+            settled(lambda joint=joint: shown(joint))
 
 
 @needs_browser
@@ -569,28 +572,24 @@ def test_the_robot_is_as_near_when_the_panels_have_taken_their_place_first(case,
 
 @needs_browser
 def test_on_a_phone_the_robot_stands_above_a_sheet_as_wide_as_the_page(case, tmp_path):
-    running = studio(*case, tmp_path / "model.json", port=8250)
-    try:
-        with opened(running.address, width=390, height=844, flags=SOLID) as seen:
-            page = seen.page
-            page.set_default_timeout(180_000)
-            page.wait_for_selector("text=misses")
-            sheet = page.locator(".mantine-Paper-root[style*='max-height: 60%']")
-            top = SHEETLESS * 844
-            settled(lambda: sheet.bounding_box()["y"] == pytest.approx(top, abs=1.0))
-            assert sheet.bounding_box()["width"] == 390
-            tab = in_place(running, page)
-            for joint in ("joint1", "joint2"):
-                x, y = spot(page, tab, joint)
-                assert 0 < x < 390
-                assert 0 < y < top
-            page.get_by_text("Motion", exact=True).click()
-            page.wait_for_selector(".js-plotly-plot .scatterlayer path")
-            page.get_by_role("tab", name="Where it fails").click()
-            page.wait_for_selector(".heatmaplayer image")
-            settled(lambda: page.evaluate(f"({OVERLAPS})(document)") == [])
-    finally:
-        running.stop()
+    with in_a_browser(*case, tmp_path / "model.json", port=8250, width=390, height=844) as (running, seen):
+        page = seen.page
+        page.set_default_timeout(180_000)
+        page.wait_for_selector("text=misses")
+        sheet = page.locator(".mantine-Paper-root[style*='max-height: 60%']")
+        top = SHEETLESS * 844
+        settled(lambda: sheet.bounding_box()["y"] == pytest.approx(top, abs=1.0))
+        assert sheet.bounding_box()["width"] == 390
+        tab = in_place(running, page)
+        for joint in ("joint1", "joint2"):
+            x, y = spot(page, tab, joint)
+            assert 0 < x < 390
+            assert 0 < y < top
+        page.get_by_text("Motion", exact=True).click()
+        page.wait_for_selector(".js-plotly-plot .scatterlayer path")
+        page.get_by_role("tab", name="Where it fails").click()
+        page.wait_for_selector(".heatmaplayer image")
+        settled(lambda: page.evaluate(f"({OVERLAPS})(document)") == [])
 
 
 @needs_browser
@@ -638,16 +637,13 @@ def test_controls_may_be_moved_before_the_robot_is_drawn(case, tmp_path, monkeyp
 
 
 @needs_browser
-@pytest.mark.parametrize(("scheme", "turned"), [("light", False), ("dark", True)])
-def test_it_is_dark_where_the_reader_wants_it_dark(case, tmp_path, scheme, turned):
-    running = studio(*case, tmp_path / "model.json", port=8290)
-    try:
-        with opened(running.address, scheme=scheme, flags=SOLID) as seen:
-            seen.page.wait_for_selector("text=misses")
-            filters = "['html', 'canvas'].map((e) => getComputedStyle(document.querySelector(e)).filter)"
-            settled(lambda: [("invert" in f) for f in seen.page.evaluate(filters)] == [turned, turned])
-    finally:
-        running.stop()
+def test_it_is_dark_where_the_reader_wants_it_dark(case, tmp_path):
+    filters = "['html', 'canvas'].map((e) => getComputedStyle(document.querySelector(e)).filter)"
+    with in_a_browser(*case, tmp_path / "model.json", port=8290) as (_, seen):
+        seen.page.wait_for_selector("text=misses")
+        for scheme, turned in (("light", False), ("dark", True)):
+            seen.page.emulate_media(color_scheme=scheme)
+            settled(lambda turned=turned: [("invert" in f) for f in seen.page.evaluate(filters)] == [turned, turned])
 
 
 # of each vertical axis of the first figure: how long its title is, and how long it is itself
@@ -663,15 +659,12 @@ TITLES = """() => {
 def test_many_steps_fit_into_the_panel(case, tmp_path):
     model, logs = case
     event = {"action": "add", "effects": ["joint_spring@joint2"], "error_before": 0.1, "error_after": 0.1}
-    running = studio(replace(model, history=(*model.history, *[event] * 8)), logs, tmp_path / "model.json", port=8300)
-    try:
-        with opened(running.address, flags=SOLID) as seen:
-            seen.page.wait_for_selector("text=8 effects added")
-            settled(lambda: seen.page.evaluate("document.querySelectorAll('.annotation-text').length") == 9)
-            settled(lambda: seen.page.evaluate(f"({OVERLAPS})(document)") == [])
-            settled(lambda: all(title < axis for title, axis in seen.page.evaluate(TITLES)))
-    finally:
-        running.stop()
+    model = replace(model, history=(*model.history, *[event] * 8))
+    with in_a_browser(model, logs, tmp_path / "model.json", port=8300) as (_, seen):
+        seen.page.wait_for_selector("text=8 effects added")
+        settled(lambda: seen.page.evaluate("document.querySelectorAll('.annotation-text').length") == 9)
+        settled(lambda: seen.page.evaluate(f"({OVERLAPS})(document)") == [])
+        settled(lambda: all(title < axis for title, axis in seen.page.evaluate(TITLES)))
 
 
 END = np.array([0.5, 0.0, 0.0])  # of the planar arm's last link as it is drawn, m
@@ -679,20 +672,16 @@ END = np.array([0.5, 0.0, 0.0])  # of the planar arm's last link as it is drawn,
 
 @needs_browser
 def test_the_end_of_the_last_link_is_in_view_too(case, tmp_path):
-    running = studio(*case, tmp_path / "model.json", port=8320)
-    try:
-        with opened(running.address, height=700, flags=SOLID) as seen:
-            page = seen.page
-            page.wait_for_selector("text=misses")
-            tab = in_place(running, page)
-            for x in np.linspace(0, tab.track.x[-1], 20):
-                tab.stage.pose(x, "joint2", "of the verdict")
-                pose = tab.stage.urdf.get_transform("link2")
-                u, v = pixel(page, tab, pose[:3, 3] + pose[:3, :3] @ END)
-                assert WIDTH < u < 1280 - WIDTH
-                assert 0 < v < 700
-    finally:
-        running.stop()
+    with in_a_browser(*case, tmp_path / "model.json", port=8320, height=700) as (running, seen):
+        page = seen.page
+        page.wait_for_selector("text=misses")
+        tab = in_place(running, page)
+        for x in np.linspace(0, tab.track.x[-1], 20):
+            tab.stage.pose(x, "joint2", "of the verdict")
+            pose = tab.stage.urdf.get_transform("link2")
+            u, v = pixel(page, tab, pose[:3, 3] + pose[:3, :3] @ END)
+            assert WIDTH < u < 1280 - WIDTH
+            assert 0 < v < 700
 
 
 @needs_browser
@@ -701,44 +690,36 @@ def test_the_robot_stays_in_view_wherever_its_logs_take_it(tmp_path, width, left
     robot = Robot.load("panda", joints=[f"panda_joint{i}" for i in range(1, 8)])
     log = simulate(robot, random_fourier(robot, 20.0, seed=0), rate=100.0, channels=(), name="far and wide")
     model = identify(robot, [log], recursion="none").model
-    running = studio(model, [log], tmp_path / "model.json", port=8310)
-    try:
-        with opened(running.address, width=width, height=700, flags=SOLID) as seen:
-            page = seen.page
-            page.wait_for_selector("text=misses")
-            tab = in_place(running, page)
-            for x in np.linspace(0, tab.track.x[-1], 20):
-                tab.stage.pose(x, "panda_joint7", "of the verdict")
-                for joint in robot.joints:
-                    u, v = spot(page, tab, joint)
-                    assert left < u < width - left
-                    assert 0 < v < bottom
-                u, _ = spot(page, tab, "panda_joint7")
-                reach = {"bottom-left": (0, 1), "bottom-center": (-0.5, 0.5), "bottom-right": (-1, 0)}
-                text = 6.5 * len(tab.stage.label.text)  # pixels
-                for side in reach[tab.stage.label.anchor]:
-                    assert left - 15 < u + side * text < width - left + 15
-    finally:
-        running.stop()
+    with in_a_browser(model, [log], tmp_path / "model.json", port=8310, width=width, height=700) as (running, seen):
+        page = seen.page
+        page.wait_for_selector("text=misses")
+        tab = in_place(running, page)
+        for x in np.linspace(0, tab.track.x[-1], 20):
+            tab.stage.pose(x, "panda_joint7", "of the verdict")
+            for joint in robot.joints:
+                u, v = spot(page, tab, joint)
+                assert left < u < width - left
+                assert 0 < v < bottom
+            u, _ = spot(page, tab, "panda_joint7")
+            reach = {"bottom-left": (0, 1), "bottom-center": (-0.5, 0.5), "bottom-right": (-1, 0)}
+            text = 6.5 * len(tab.stage.label.text)  # pixels
+            for side in reach[tab.stage.label.anchor]:
+                assert left - 15 < u + side * text < width - left + 15
 
 
 @needs_browser
 def test_two_tabs_show_one_model(case, tmp_path):
-    running = studio(*case, tmp_path / "model.json", port=8220)
-    try:
-        with opened(running.address, height=700, flags=SOLID) as seen:
-            one = seen.page
-            two = one.context.browser.new_page()
-            two.goto(running.address)
-            for page in (one, two):
-                page.set_default_timeout(180_000)
-                page.wait_for_selector("text=misses")
-            before = error_shown(two)
-            one.get_by_role("button", name="Add joint_spring").click()
-            settled(lambda: error_shown(two) < 0.1 * before)
-            settled(lambda: error_shown(one) == error_shown(two))
-    finally:
-        running.stop()
+    with in_a_browser(*case, tmp_path / "model.json", port=8220, height=700) as (running, seen):
+        one = seen.page
+        two = one.context.browser.new_page()
+        two.goto(running.address)
+        for page in (one, two):
+            page.set_default_timeout(180_000)
+            page.wait_for_selector("text=misses")
+        before = error_shown(two)
+        one.get_by_role("button", name="Add joint_spring").click()
+        settled(lambda: error_shown(two) < 0.1 * before)
+        settled(lambda: error_shown(one) == error_shown(two))
 
 
 # ---- the command

@@ -34,27 +34,18 @@ COLUMNS = {
 
 @dataclass(frozen=True)
 class Correction:
-    """The mapping file or robot that undoes the faults of logs.
-
-    Attributes
-    ----------
-    mapping : str
-        Text of a mapping file; empty if none can undo a fault.
-    robot : tuple of str
-        What a corrected URDF changes instead; empty if the URDF's joints are right.
-    output : str or None
-        File that was written.
-    as_robot : bool
-        Whether the URDF was wanted.
-    missed : str or None
-        File that was wanted, and not written: nothing would stand in it.
-    """
+    """The mapping file or robot that undoes the faults of logs."""
 
     mapping: str = ""
+    """Text of a mapping file; empty if none can undo a fault."""
     robot: tuple[str, ...] = ()
+    """What a corrected URDF changes instead; empty if the URDF's joints are right."""
     output: str | None = None
+    """File that was written."""
     as_robot: bool = False
+    """Whether the URDF was wanted."""
     missed: str | None = None
+    """File that was wanted, and not written: nothing would stand in it."""
 
     def lines(self) -> list[str]:
         """The correction as text."""

@@ -37,7 +37,6 @@ def identification(found: Identification, output: str | None, *, whole: bool = F
 
     Parameters
     ----------
-    found : Identification
     output : str or None
         File of the model.
     whole : bool

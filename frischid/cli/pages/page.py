@@ -19,23 +19,15 @@ if TYPE_CHECKING:  # the studio prints its address on such a page before anythin
 
 @dataclass(frozen=True)
 class Page:
-    """A result, ready to print.
-
-    Attributes
-    ----------
-    data : plain JSON values
-    parts : sequence
-        Text and tables.
-    alarms : sequence of Alarm
-        They stand above everything; a severe one makes the command end with exit code 1.
-    found_nothing : bool
-        Whether the result is that what was sought is not there.
-    """
+    """A result, ready to print."""
 
     data: Any
     parts: Sequence[Any]
+    """Text and tables."""
     alarms: Sequence[Alarm] = ()
+    """They stand above everything; a severe one makes the command end with exit code 1."""
     found_nothing: bool = False
+    """Whether the result is that what was sought is not there."""
 
     @property
     def exit_code(self) -> int:
@@ -85,8 +77,6 @@ def table_of(*columns: str, title: str | None = None, droppable: Sequence[str] =
 
     Parameters
     ----------
-    *columns : str
-    title : str, optional
     droppable : sequence of str
         Columns that a narrow terminal may go without, the least important first.
     """

@@ -19,20 +19,13 @@ from frischid.reports.templates import render
 
 @dataclass(frozen=True)
 class Chapter:
-    """One chapter.
-
-    Attributes
-    ----------
-    anchor : str
-        Name of its template and of its place on the page.
-    heading : str
-    content : callable
-        Makes the values for the template from a study and the name of the model's file.
-    """
+    """One chapter."""
 
     anchor: str
+    """Name of its template and of its place on the page."""
     heading: str
     content: Callable[[Study, str], dict[str, Any]]
+    """Makes the values for the template from a study and the name of the model's file."""
 
     def html(self, study: Study, model_path: str = "model.json") -> Markup:
         """The chapter as HTML, without its heading."""

@@ -8,19 +8,11 @@ from dataclasses import dataclass
 
 @dataclass(frozen=True)
 class Table:
-    """Cells as plain text.
-
-    Attributes
-    ----------
-    headings : sequence of str
-    rows : sequence of sequence of str
-        As many cells per row as there are headings.
-    words : int
-        Number of columns, from the left, that hold words; the others hold numbers.
-    caption : str
-    """
+    """Cells as plain text."""
 
     headings: Sequence[str]
     rows: Sequence[Sequence[str]]
+    """As many cells per row as there are headings."""
     words: int = 1
+    """Number of columns, from the left, that hold words; the others hold numbers."""
     caption: str = ""

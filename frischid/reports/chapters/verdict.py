@@ -90,7 +90,6 @@ def rungs(error: Headline, more: Sequence[tuple[str, float, str]] = ()) -> list[
 
     Parameters
     ----------
-    error : Headline
     more : sequence of (str, float, str)
         Further errors: name, NRMSE, and ``"other"`` or ``"later"``.
     """
