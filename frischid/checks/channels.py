@@ -25,11 +25,9 @@ def check_channels(log: Log, notes: Notebook, *, figures: bool = True, still: bo
         values, present = getattr(log, channel), log.has(channel)
         if values is None:
             continue
-        noise = np.where(present, noise_level(np.nan_to_num(values), t), np.nan)
-        notes.per_joint(f"noise_{channel}", noise)
-        quanta = np.array(
-            [quantum(x, notes.criteria) if yes else np.nan for x, yes in zip(values.T, present, strict=True)]
-        )
+        quanta = quanta_of(values, notes.criteria)
+        noise = np.maximum(noise_level(np.nan_to_num(values), t), quanta / np.sqrt(12))
+        notes.per_joint(f"noise_{channel}", np.where(present, noise, np.nan))
         notes.per_joint(f"quantum_{channel}", np.where(quanta > 0, quanta, np.nan))
     if still:
         return
@@ -49,8 +47,21 @@ def check_channels(log: Log, notes: Notebook, *, figures: bool = True, still: bo
 
 def testifies(q: Array, criteria: CheckCriteria) -> NDArray[np.bool_]:
     """Joints that moved far enough, compared with the noise and resolution of their positions, to testify; q (N, J)."""
-    finest = np.maximum(noise_level(q), [quantum(x, criteria) for x in q.T])
+    finest = np.maximum(noise_level(q), quanta_of(q, criteria))
     return np.asarray((np.ptp(q, axis=0) > criteria.testimony_steps * finest) & (np.ptp(q, axis=0) >= STANDSTILL_SPAN))
+
+
+def quanta_of(x: Array, criteria: CheckCriteria) -> Array:
+    """`quantum` of each channel of x (N, J), (J,)."""
+    return np.array([quantum(channel, criteria) for channel in x.T])
+
+
+def resolved_noise(x: Array, criteria: CheckCriteria) -> Array:
+    """Standard deviation of the noise of each channel of x (N, J) while it changes, (J,): at least that of rounding.
+
+    A coarse channel of a joint that rests or creeps repeats its values, and repeated values show no noise.
+    """
+    return np.asarray(np.maximum(noise_level(x), quanta_of(x, criteria) / np.sqrt(12)))
 
 
 def quantum(x: Array, criteria: CheckCriteria = DEFAULT_CRITERIA) -> float:

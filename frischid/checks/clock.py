@@ -19,12 +19,12 @@ from typing import NamedTuple
 import numpy as np
 from scipy import ndimage
 
-from frischid.checks.channels import testifies
+from frischid.checks.channels import resolved_noise, testifies
 from frischid.checks.check_criteria import CheckCriteria
 from frischid.checks.log_issue import Notebook
 from frischid.core.text import percent, rounded
 from frischid.core.types import Array
-from frischid.logs.filters import noise_level, polynomial_taps
+from frischid.logs.filters import polynomial_taps
 from frischid.logs.log import CHANNELS, Log
 from frischid.logs.mapping_rules import TICKS_PER_SECOND
 from frischid.logs.repeated_motion import LEAST_OVERLAP, repeat_of
@@ -162,7 +162,7 @@ def _clocks(log: Log, step: Array, usual: float, criteria: CheckCriteria) -> _Cl
     able = testifies(log.q, criteria) if len(log) >= 10 * window else np.zeros(log.q.shape[1], bool)
     if not able.any():
         return None
-    told, weight, steps = (x[inside] for x in (*_told_by_positions(log.q[:, able], log.t, window), step))
+    told, weight, steps = (x[inside] for x in (*_told_by_positions(log.q[:, able], log.t, criteria), step))
     mean = ndimage.uniform_filter1d(steps, window)
     # Beside a gap that is longer than the window, the mean step and the mean speed are those of nothing.
     whole = ndimage.maximum_filter1d(step, 2 * window + 1)[inside] < window * step.mean()
@@ -216,12 +216,12 @@ def _arrival(log: Log, step: Array, usual: float, notes: Notebook) -> None:
         notes.add("jitter", what, (), "possible", "prefer stamps made where the positions are measured")
 
 
-def _told_by_positions(q: Array, t: Array, window: int) -> tuple[Array, Array]:
+def _told_by_positions(q: Array, t: Array, criteria: CheckCriteria) -> tuple[Array, Array]:
     """Time between samples computed from the positions [s], and 1 / variance of this time [1/s²], both (N - 1,)."""
-    taps = polynomial_taps(window // 2, 3, 1)
+    taps = polynomial_taps(criteria.position_window // 2, 3, 1)
     slope = ndimage.correlate1d(q, taps, axis=0, mode="nearest")
     speed = slope / ndimage.correlate1d(t, taps, mode="nearest")[:, None]
-    noise = noise_level(q)
+    noise = resolved_noise(q, criteria)
     seen = (noise > 0) & (np.ptp(q, axis=0) > 0)
     if not seen.any():
         noise, seen = np.maximum(noise, 1e-12), np.ptp(q, axis=0) > 0

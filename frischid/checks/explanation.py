@@ -20,7 +20,8 @@ fault of positions has one more rival: positions that are right, and links that 
 
 The likeliest hypothesis may hold more faults than can be named. Each part of it is judged by itself (`_parts`). A part
 is named if it explains most of the error of its rows. Fitted numbers that explain a smaller share must be a better
-explanation than errors of the URDF's links, which every URDF has (`_beats_links`).
+explanation than errors of the URDF's links, which every URDF has (`_beats_links`). So must any fitted zero: a joint
+with another zero turns the links behind it, and a wrong centre of mass of the last link does so too.
 """
 
 from __future__ import annotations
@@ -35,7 +36,7 @@ from frischid.checks.check_criteria import CheckCriteria
 from frischid.checks.faults import Fault, cost
 from frischid.checks.other_links import evidence_of_other_links
 from frischid.checks.payload import LEAST_ERROR, evidence
-from frischid.checks.position_faults import joint_faults, position_faults, with_torques
+from frischid.checks.position_faults import JOINT_ZERO, joint_faults, position_faults, with_torques
 from frischid.checks.robot_faults import robot_faults, shared_errors, shared_faults
 from frischid.checks.row_fits import RowFits, local_fits
 from frischid.checks.sketch import Sketch
@@ -326,9 +327,10 @@ def _is_enough(hypothesis: Hypothesis, null: Hypothesis) -> bool:
     removed = 1 - float(np.sum(after[changed] ** 2)) / max(float(np.sum(before[changed] ** 2)), 1e-12)
     if not changed.any() or removed <= criteria.discrete_share:
         return False
-    if removed > criteria.explained_share or all(f.discrete for f in hypothesis.faults):
+    if all(f.discrete for f in hypothesis.faults):
         return True
-    return _beats_links(hypothesis, null)
+    turned = any(f.kind == JOINT_ZERO and not f.discrete for f in hypothesis.faults)
+    return (removed > criteria.explained_share and not turned) or _beats_links(hypothesis, null)
 
 
 def _beats_links(hypothesis: Hypothesis, null: Hypothesis) -> bool:

@@ -17,13 +17,12 @@ from dataclasses import dataclass
 import numpy as np
 from scipy import ndimage
 
-from frischid.checks.channels import quantum
+from frischid.checks.channels import resolved_noise
 from frischid.checks.check_criteria import DEFAULT_CRITERIA, CheckCriteria
 from frischid.checks.log_issue import Notebook
 from frischid.core.bursts import robust_std
 from frischid.core.text import listed
 from frischid.core.types import Array
-from frischid.logs.filters import noise_level
 from frischid.logs.log import STANDSTILL_SPAN, Log
 from frischid.logs.poses import FEWEST_POSES, Poses, poses_of
 
@@ -77,9 +76,8 @@ def _of_pose(log: Log, part: slice, criteria: CheckCriteria) -> list[Push]:
     t, x = log.t[part], np.nan_to_num(log.tau[part])
     step = float(np.median(np.diff(t)))
     change = x - np.median(x, axis=0)
-    rounding = np.array([quantum(y, criteria) for y in x.T]) / np.sqrt(12)
-    least = np.maximum(rounding, 1e-9 * np.abs(x).max(initial=1.0))
-    unit = np.maximum(np.maximum(robust_std(change), noise_level(x)), least)
+    least = np.maximum(resolved_noise(x, criteria), 1e-9 * np.abs(x).max(initial=1.0))
+    unit = np.maximum(robust_std(change), least)
     z, bursts = criteria.push.bursts((change / unit) ** 2, step)
     found = []
     for where in bursts:

@@ -5,7 +5,14 @@ from __future__ import annotations
 from frischid.core.text import listed, percent
 from frischid.diagnosis.result import Diagnosis
 from frischid.diagnosis.rivals import beside, cause_of
-from frischid.model.alarms import FAULTY_LOG
+from frischid.model.alarms import FAULTY_LOG, LOG_CHANGES, LOGS_DISAGREE
+
+PRESUMED = {
+    FAULTY_LOG: "a log has the fault that the alarm names",
+    LOG_CHANGES: "the robot changes in the middle of a log, as the alarm says",
+    LOGS_DISAGREE: "the robot changed between the fitted logs, as the alarm says",
+}
+"""Alarm -> what explains the error otherwise, so each verdict presumes that it is not so."""
 
 
 def missing(diagnosis: Diagnosis) -> str:
@@ -31,8 +38,8 @@ def _at_limits(diagnosis: Diagnosis) -> str:
 
 def on_condition(diagnosis: Diagnosis, said: str) -> str:
     """A verdict in words, with what it presumes in front: effects explain the fault of a log, too, if only in part."""
-    faulty = any(alarm.id == FAULTY_LOG for alarm in diagnosis.headline.alarms)
-    return f"Unless a log has the fault that the alarm names, {said[:1].lower()}{said[1:]}" if faulty else said
+    named = [PRESUMED[alarm.id] for alarm in diagnosis.headline.alarms if alarm.id in PRESUMED]
+    return f"Unless {named[0]}, {said[:1].lower()}{said[1:]}" if named else said
 
 
 def _first(diagnosis: Diagnosis) -> str:

@@ -1,10 +1,11 @@
 """A term outside the catalogue that explains far more than the first finding: then the finding is not the cause.
 
 The catalogue has no effect for the action of one joint on another, nor for a torque that jumps at a few angles of a
-gear, nor for dry friction that is another function of the angle than a straight line, as of a bearing worn at one
-place. Yet some effect of the catalogue may resemble such a torque and be found. So the best of these *unmodelled terms*
-is compared with the first finding, on the joint where the finding explains most. Each of the two is fitted together
-with all other effects that entered. The finding is not the cause if
+gear, nor for a motor that gives less torque per ampere at a high current, nor for dry friction that is another function
+of the angle than a straight line, as of a bearing worn at one place. Yet some effect of the catalogue may resemble such
+a torque and be found. So the best of these *unmodelled terms* is compared with the first finding, on the joint where
+the finding explains most. Each of the two is fitted together with all other effects that entered. The finding is not
+the cause if
 
     NRMSE²(with the term) − floor²  <  ½ (NRMSE²(with the finding) − floor²).
 
@@ -78,6 +79,11 @@ def unmodelled_term(ranking: Ranking, floor: Array, least: Array) -> UnmodelledT
     return None
 
 
+def saturation_expression(number: object) -> str:
+    """Torque of a joint whose scale changes with the torque: at a high current a motor gives less torque per ampere."""
+    return f"tau_model{number}*abs(tau_model{number})"
+
+
 def _term_on(
     validator: CrossValidator, row: int, most: float, on_another_joint: bool, *, worn: bool = True
 ) -> UnmodelledTerm | None:
@@ -87,6 +93,8 @@ def _term_on(
         return None
     number, expression = validator.model.robot.numbers[validator.joints[row]], expression_of(term)
     words = f"'{expression}'"
+    if expression == saturation_expression(number):
+        words = "a scale of the torque that changes with the torque, as of a motor that saturates,"
     if len(term.candidate.signs) > 1:
         dry = f"sign(v{number})" in expression
         words = (
@@ -100,7 +108,7 @@ def _term_on(
 def best_unmodelled(
     validator: CrossValidator, row: int, jumping: bool = True, *, worn: bool = True, significant: bool = True
 ) -> ScoredCandidate | None:
-    """Best term outside the catalogue on one joint: a coupling to another joint, jumps, or worn friction; or None.
+    """Best term outside the catalogue on one joint: a coupling, a saturating motor, jumps, or worn friction; or None.
 
     Parameters
     ----------
@@ -115,7 +123,8 @@ def best_unmodelled(
         a few bursts of error the residual has hardly any independent samples, and no term is significant.
     """
     criteria, joint = validator.criteria, validator.joints[row]
-    terms = [Formula((joint,), e) for e in coupling_expressions(validator, joint)]
+    of_torque = saturation_expression(validator.model.robot.numbers[joint])
+    terms = [Formula((joint,), e) for e in (*coupling_expressions(validator, joint), of_torque)]
     found = [x for c in validator.candidates(terms) if c.columns and (x := scored(validator, [c])) is not None]
     of_angle = [gear_steps, *([worn_friction] if worn else [])] if jumping else []
     found += [x for term in of_angle if (x := term(validator, row)) is not None]

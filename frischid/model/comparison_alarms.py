@@ -1,8 +1,8 @@
 """Alarms of a model on logs that it was not fitted to.
 
 The error to expect there is ``√(σ² + y C yᵀ)`` (`frischid.model.expected_error`), with the posterior covariance C. Far
-above the error on the fitted logs, it means extrapolation. Far below the error that was measured, it means that the
-robot or the sensors are not those of the fitted logs.
+above the error on the fitted logs, it means extrapolation. If this error and the noise of the sensors on these logs are
+both far below the error that was measured, the robot or the sensors are not those of the fitted logs.
 
 Errors on two motions are compared in N·m (N), as shares of the torque of the *fitted* logs. Relative to its own torque,
 the error on a gentle motion is large although the model is as good there.
@@ -156,7 +156,7 @@ def _useless(seen: Elsewhere, criteria: AlarmCriteria) -> list[Alarm]:
 
 def _surprise(seen: Elsewhere, criteria: AlarmCriteria) -> list[Alarm]:
     least = np.maximum(SMALLEST_ERROR * seen.spread, 1e-300)
-    ratio = seen.measured / np.maximum(np.hypot(seen.expected, seen.held), least)
+    ratio = seen.measured / np.maximum(np.maximum(np.hypot(seen.expected, seen.held), seen.floors), least)
     where = tuple(n for n, x in zip(seen.joints, ratio, strict=True) if x > criteria.surprise)
     if not where:
         return []
@@ -165,8 +165,8 @@ def _surprise(seen: Elsewhere, criteria: AlarmCriteria) -> list[Alarm]:
             UNLIKE,
             "severe",
             f"The error on {', '.join(where)} is {times_of(float(ratio.max()))} times the error that the "
-            "uncertainty of the model explains. Either the robot, its base, its load or its sensors have "
-            "changed, or these logs show an effect that the fitted logs hardly show.",
+            "uncertainty of the model and the noise of the sensors explain. Either the robot, its base, its load or "
+            "its sensors have changed, or these logs show an effect that the fitted logs hardly show.",
             "Run frischid diagnose on these logs to find the change or the effect.",
             where,
             float(ratio.max()),

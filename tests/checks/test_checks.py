@@ -671,3 +671,45 @@ def test_a_late_velocity_has_one_set_of_figures():
     for one, other in zip(figures, re.search(NOTE, note).groups(), strict=True):
         assert float(one.split(" to ")[0]) == pytest.approx(float(other.split(" to ")[0]), rel=0.05)
         assert float(one.split(" to ")[-1]) == pytest.approx(float(other.split(" to ")[-1]), rel=0.05)
+
+
+def test_a_coarse_encoder_of_a_slow_arm_that_rests_is_no_buffer():
+    """It advances by no step, one or two between two samples, and repeats its values at standstill."""
+    t = np.arange(0.0, 40.0, 0.005)
+    moving = np.sin(2 * np.pi * t / 20.0) > 0  # ten seconds of motion, ten seconds of standstill
+    slow = np.cumsum(np.where(moving, 0.15 * np.sin(2 * np.pi * t / 2.5), 0.0)) * 0.005
+    step = 2 * np.pi / 8192
+    q = np.array([float(f"{x:.9g}") for x in np.round((0.3 + slow) / step) * step])  # as a file holds them
+    tau = np.random.default_rng(0).normal(size=(len(t), 2))
+    log = Log(t, ("joint1", "joint2"), q=np.column_stack([q, -q]), tau=tau, source="slow")
+    (report,) = check(Robot.load("planar2"), [log])
+    assert "host clock" not in [issue.kind for issue in report.issues]
+    assert report.joints["joint1"]["noise_q"] == pytest.approx(step / np.sqrt(12), rel=0.3)
+
+
+def _wrist(mass, y, z):
+    """An arm of two joints; the last link's centre of mass is y and z beside the last axis, m."""
+    inertia = '<inertia ixx="{0}" iyy="{0}" izz="{0}" ixy="0" ixz="0" iyz="0"/>'
+    links = [("arm", 3.0, "0.15 0 0", 0.02), ("tool", mass, f"0.02 {y} {z}", 0.0006)]
+    bodies = "".join(
+        f'<link name="{name}"><inertial><origin xyz="{at}"/><mass value="{m}"/>{inertia.format(i)}</inertial></link>'
+        for name, m, at, i in links
+    )
+    joints = "".join(
+        f'<joint name="{name}" type="revolute"><parent link="{a}"/><child link="{b}"/><origin xyz="{at} 0 0"/>'
+        f'<axis xyz="{axis}"/><limit lower="-2" upper="2" velocity="6" effort="50"/></joint>'
+        for name, a, b, at, axis in [("lift", "base", "arm", 0, "0 1 0"), ("roll", "arm", "tool", 0.3, "1 0 0")]
+    )
+    return f'<robot name="wrist"><link name="base"/>{bodies}{joints}</robot>'
+
+
+@pytest.mark.parametrize(("y", "z"), [(0.0026, -0.0004), (0.0005, 0.0025)])
+def test_a_last_link_with_another_centre_of_mass_has_no_wrong_zero(tmp_path, y, z):
+    """A zero of the last joint turns its link, and a wrong centre of mass of this link has nearly the same torques."""
+    nominal, real = (tmp_path / f"{name}.urdf" for name in ("nominal", "real"))
+    nominal.write_text(_wrist(0.5, 0.002, 0.001), encoding="utf-8")
+    real.write_text(_wrist(0.5, y, z), encoding="utf-8")
+    robot = Robot.load(real)
+    motion = random_fourier(robot, 20.0, seed=1)
+    log = simulate(robot, motion, rate=200, noise=Noise(q=1e-5, tau=1e-4), channels=())
+    assert "joint zero" not in kinds(Robot.load(nominal), log)

@@ -103,3 +103,22 @@ def test_friction_that_grows_with_load_or_angle_keeps_its_name(friction, name):
     found = rubbing(friction)
     assert (found.verdict, found.findings[0].effect) == ("effect", name)
     assert found.probabilities[name] > 0.9
+
+
+@pytest.mark.parametrize("bend", [0.0, 0.25])
+def test_a_motor_that_saturates_is_no_constant_scale(bend):
+    """The log holds current times a constant; at a high current the motor gives less torque per ampere."""
+    logs = []
+    for seed in (1, 2):
+        motion, noise = fr.random_fourier(PLANAR2, 25.0, seed=seed, scale=0.8), fr.Noise(q=1e-6, tau=0.01)
+        log = fr.simulate(PLANAR2, motion, rate=100.0, parameters=DRY, noise=noise, seed=seed, name=f"log {seed}")
+        tau = np.array(log.tau)
+        tau[:, 1] *= 1.0 + bend * (tau[:, 1] / np.abs(tau[:, 1]).max()) ** 2 if bend else 1.1
+        logs.append(replace(log, tau=tau))
+    found = fr.diagnose(fr.identify(PLANAR2, logs, recursion="none").model, logs)
+    best = max(found.probabilities, key=lambda name: found.probabilities[name])
+    if bend:
+        assert (found.verdict, best) == ("unknown", "outside")
+        assert any("as of a motor that saturates, explains" in note for note in found.notes)
+    else:
+        assert (found.verdict, best) == ("effect", "drive_gain")

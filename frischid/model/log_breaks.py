@@ -1,0 +1,99 @@
+"""Whether a log is of one robot in one state from its beginning to its end: the log is cut where two fits say most.
+
+A robot that grasps a body in the middle of a log is another robot after that. One fit to the whole log lies between the
+two, and each part has a part of the error. With the joints' weights w_j of the fit to all logs, the log is cut at the
+block b that leaves the least error of two fits,
+
+    b* = argmin_b  min_θ Σ_j w_j ‖τ_j − Y_j θ‖²(before b)  +  min_θ Σ_j w_j ‖τ_j − Y_j θ‖²(from b on),
+
+each with the prior of the fit. Then each part is held against a fit to the other part, as two logs are
+(`frischid.model.log_agreement`), with the same limit. A drift, as of a joint that warms up, is no cut: two fits leave
+much of its error, too.
+
+Source: Chow 1960, "Tests of equality between sets of coefficients in two linear regressions", Econometrica 28(3).
+"""
+
+from __future__ import annotations
+
+from collections.abc import Mapping
+from dataclasses import dataclass
+from itertools import accumulate
+from operator import add
+from pathlib import Path
+
+import numpy as np
+
+from frischid.core.text import listed
+from frischid.core.types import Array
+from frischid.estimators.map_estimate import MapEstimate
+from frischid.estimators.map_problem import MapProblem
+from frischid.model.alarms import LOG_CHANGES, Alarm, AlarmCriteria
+from frischid.model.comparison_alarms import times_of
+from frischid.model.identification_stages import Problem
+from frischid.model.log_moments import LogMoments, surprise_of_both
+from frischid.regression.moments import Gram
+
+
+@dataclass(frozen=True, eq=False)
+class Break:
+    """Where a log is cut."""
+
+    time: float
+    """s."""
+    surprise: Array
+    """Measured error over expected error of each joint, (J,), of one part held against a fit to the other."""
+
+
+def changing_logs(
+    problem: Problem, logs: Mapping[str, LogMoments], fit: MapEstimate, share: Array, criteria: AlarmCriteria
+) -> list[Alarm]:
+    """An alarm for each log in the middle of which the robot changed.
+
+    Parameters
+    ----------
+    fit : MapEstimate
+        To all logs.
+    share : ndarray, shape (J,)
+        Share of the parameters' covariance that is the model's own error.
+    """
+    found = {name: cut for name, log in logs.items() if (cut := break_of(problem, log, fit, share)) is not None}
+    broken = {k: cut for k, cut in found.items() if cut.surprise.max(initial=0.0) > criteria.surprise}
+    if not broken:
+        return []
+    worst = np.max([cut.surprise for cut in broken.values()], axis=0)
+    where = tuple(n for n, x in zip(problem.data.joints, worst, strict=True) if x > criteria.surprise)
+    places = listed([f"at about {cut.time:.1f} s of {Path(name).name}" for name, cut in broken.items()])
+    return [
+        Alarm(
+            LOG_CHANGES,
+            "severe",
+            f"The fitted logs are not of one robot in one state: {places} something changes. The torque before is "
+            f"unlike the torque after on {listed(where)}. The error there is {times_of(float(worst.max()))} times the "
+            "error that the uncertainty of a fit to the other part explains. The robot took or put down a load, or its "
+            "base, a brake or a sensor changed.",
+            "Cut the log there (frischid cut LOG --until TIME) and identify from one part; frischid diagnose finds the "
+            "change on the other part.",
+            where,
+            float(worst.max()),
+            criteria.surprise,
+        )
+    ]
+
+
+def break_of(problem: Problem, log: LogMoments, fit: MapEstimate, share: Array) -> Break | None:
+    """The best cut of a log; None where the log is a single block."""
+    until = list(accumulate(log.blocks, add))
+    if len(until) < 2:
+        return None
+    parts = [(before, until[-1] - before) for before in until[:-1]]
+    weights = fit.rows / (np.maximum(until[-1].counts, 1.0) * fit.variance)
+    errors = [sum(_error(problem, part, fit, weights) for part in pair) for pair in parts]
+    best = int(np.argmin(errors))
+    return Break(float(log.starts[best + 1]), surprise_of_both(problem, fit, share, *parts[best]))
+
+
+def _error(problem: Problem, part: Gram, fit: MapEstimate, weights: Array) -> float:
+    """Weighted squared error of the fit to some rows."""
+    some = MapProblem(part, problem.reduction.mapping, fit.prior)
+    x = some.rows(weights, some.precision(fit.prior.scales)).solve()
+    return float(weights @ some.squares(x))

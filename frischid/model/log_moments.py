@@ -1,0 +1,128 @@
+"""Moments of each fitted log in blocks of time, and how surprising some of them are to a fit to others.
+
+With a fit to some rows, their residual variance σ_j² and the covariance C of the parameters, the error to expect on
+other rows is that of every motion (`frischid.model.expected_error`),
+
+    ε_j² = σ_j² + m_j ⟨y C yᵀ⟩,
+
+with the share m_j of C that is the model's own error. The *surprise* is the measured error over ε_j.
+
+The fits keep the prior and its scales of the fit to all rows. Parameters, noise and κ are found again: a part of a log
+shows fewer shapes of motion than the whole.
+"""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+from typing import NamedTuple
+
+import numpy as np
+
+from frischid.core.types import Array
+from frischid.estimators.map_estimate import MapEstimate, effective_rows
+from frischid.estimators.map_problem import MapProblem
+from frischid.model.comparison_alarms import SMALLEST_ERROR
+from frischid.model.identification_stages import Problem
+from frischid.regression.accumulation import accumulate
+from frischid.regression.moment_blocks import Blocks
+from frischid.regression.moments import Gram
+
+NOISE_ROUNDS = 6
+"""Most iterations of parameters and noise, as many as `friction_alone` makes."""
+NOISE_FOUND = 0.01
+"""Relative change of the variances below which the noise is found: half a percent of an error whose limit is 3."""
+
+
+@dataclass(frozen=True, eq=False)
+class LogMoments:
+    """Moments of one log."""
+
+    blocks: Blocks
+    """Of consecutive stretches of time."""
+    starts: Array
+    """Time at which each block begins, s, (B,); within a motion the blocks are taken to be of one length."""
+
+
+class PartFit(NamedTuple):
+    """A fit to some rows: base parameters (p,), their covariance (p, p) and the residual variances (J,)."""
+
+    theta: Array
+    covariance: Array
+    variance: Array
+
+
+def moments_by_log(problem: Problem) -> dict[str, LogMoments]:
+    """Log -> its moments; without logs in which no joint has a torque row.
+
+    Logs of poses are left out: dry friction may hold any torque up to its own size there.
+    """
+    data, columns = problem.data, problem.reduction.base_columns()
+    blocks, starts = dict[str, Blocks](), dict[str, list[Array]]()
+    for motion in data.some_motions:
+        if motion.at_poses:
+            continue
+        base = problem.reduction.base
+        own = accumulate(problem.regressor, [motion], data.lowpass, data.joints, base=base).described(columns)
+        for block in own[:]:
+            blocks.setdefault(motion.source, Blocks()).append(block)
+        starts.setdefault(motion.source, []).append(np.linspace(motion.t[0], motion.t[-1], len(own), endpoint=False))
+    found = {name: LogMoments(own, np.concatenate(starts[name])) for name, own in blocks.items()}
+    return {name: log for name, log in found.items() if log.blocks.counts.any()}
+
+
+def surprise_of_both(problem: Problem, whole_fit: MapEstimate, share: Array, one: Gram, other: Gram) -> Array:
+    """The smallest of three surprises of each joint, (J,): 0 for a joint that one of the two parts does not move.
+
+    Of `one` to a fit to `other`, and the reverse: a part may show an effect that the other part hardly shows. Then the
+    other part does not explain this one, but a fit to this part explains the other one. And of both parts to the fit to
+    all logs, beside a fit to each: where one fit explains both as well as two, there are no two robots.
+
+    Parameters
+    ----------
+    whole_fit : MapEstimate
+        To all logs.
+    share : ndarray, shape (J,)
+        Share of the parameters' covariance that is the model's own error.
+    one, other : Gram
+        Moments of both parts.
+    """
+    rows = one.counts + other.counts
+    fits = [_fit(MapProblem(part, problem.reduction.mapping, whole_fit.prior), whole_fit) for part in (one, other)]
+    crossed = [surprise(share, held, fit) for held, fit in zip((other, one), fits, strict=True)]
+    apart = (one.counts * fits[0].variance + other.counts * fits[1].variance) / np.maximum(rows, 1.0)
+    together = (one.residual_ss(whole_fit.theta) + other.residual_ss(whole_fit.theta)) / np.maximum(rows, 1.0)
+    found = np.min([*crossed, np.sqrt(together / np.maximum(apart, _least(one + other)))], axis=0)
+    return np.asarray(np.where((one.counts > 0) & (other.counts > 0), found, 0.0))
+
+
+def surprise(share: Array, held: Gram, fit: PartFit) -> Array:
+    """Measured over expected error of each joint on some rows, of a fit to others, (J,)."""
+    rows = np.maximum(held.counts, 1.0)
+    uncertain = np.einsum("jab,ba->j", held.moments[:, :-1, :-1], fit.covariance) / rows
+    expected = np.maximum(fit.variance + share * np.maximum(uncertain, 0.0), _least(held))
+    return np.asarray(np.sqrt(held.residual_ss(fit.theta) / rows / expected))
+
+
+def _least(held: Gram) -> Array:
+    """Squared error that is none, (J,)."""
+    return np.maximum(SMALLEST_ERROR**2 * held.torque_ss() / np.maximum(held.counts, 1.0), 1e-300)
+
+
+def _fit(some: MapProblem, whole_fit: MapEstimate) -> PartFit:
+    """Fit some rows."""
+    count = len(some.prior.names)
+    kappa = effective_rows(some.G[:, :count, :count] * np.outer(some.prior.spread, some.prior.spread))
+    variance = whole_fit.variance
+    precision = some.precision(whole_fit.prior.scales)
+    for _ in range(NOISE_ROUNDS):
+        before = variance
+        weights = kappa / (some.counts * variance)
+        equations = some.rows(weights, precision)
+        x, root = equations.solve(), equations.root()
+        used = weights * np.einsum("jab,ba->j", some.G, root @ root.T)
+        variance = some.squares(x) / some.counts * kappa / np.maximum(kappa - used, 0.05 * kappa)
+        variance = np.maximum(variance, 1e-300 + SMALLEST_ERROR**4 * whole_fit.variance)
+        if np.allclose(variance, before, rtol=NOISE_FOUND, atol=0.0):
+            break
+    base = some.A @ root
+    return PartFit(some.A @ x, base @ base.T, variance)
