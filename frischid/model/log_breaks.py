@@ -15,9 +15,10 @@ Source: Chow 1960, "Tests of equality between sets of coefficients in two linear
 
 from __future__ import annotations
 
-from collections.abc import Mapping
+from collections.abc import Callable, Mapping
 from dataclasses import dataclass
 from itertools import accumulate
+from math import isqrt
 from operator import add
 from pathlib import Path
 
@@ -87,9 +88,21 @@ def break_of(problem: Problem, log: LogMoments, fit: MapEstimate, share: Array) 
         return None
     parts = [(before, until[-1] - before) for before in until[:-1]]
     weights = fit.rows / (np.maximum(until[-1].counts, 1.0) * fit.variance)
-    errors = [sum(_error(problem, part, fit, weights) for part in pair) for pair in parts]
-    best = int(np.argmin(errors))
+    best = least_of(len(parts), lambda k: sum(_error(problem, part, fit, weights) for part in parts[k]))
     return Break(float(log.starts[best + 1]), surprise_of_both(problem, fit, share, *parts[best]))
+
+
+def least_of(count: int, error: Callable[[int], float]) -> int:
+    """The number k < count with the least error, looked for among few numbers first, then beside the best of these.
+
+    The error of two fits falls from both sides towards the moment of a change.
+
+    >>> least_of(40, lambda k: abs(k - 17))
+    17
+    """
+    step = isqrt(count)
+    best = min(range(step // 2, count, step), key=error)
+    return min(range(max(0, best - step + 1), min(count, best + step)), key=error)
 
 
 def _error(problem: Problem, part: Gram, fit: MapEstimate, weights: Array) -> float:
