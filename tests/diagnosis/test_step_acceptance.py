@@ -11,6 +11,7 @@ from frischid.diagnosis import improvement, step_acceptance
 from frischid.diagnosis.block_test import p_value_of
 from frischid.diagnosis.criteria import DiagnosisCriteria
 from frischid.diagnosis.findings import Finding
+from frischid.diagnosis.refit import refitted
 from frischid.diagnosis.situation import cross_validator
 from frischid.diagnosis.step_acceptance import (
     harmless,
@@ -21,7 +22,9 @@ from frischid.diagnosis.step_acceptance import (
     worse_with_standstill,
 )
 from frischid.effects import BASELINE, parse_effects
+from frischid.model import identification
 from frischid.model.comparison import compare
+from frischid.model.events import cross_validated_nrmse
 from frischid.model.identification import identify
 from frischid.motions.simulation import Noise, simulate
 from frischid.motions.trajectory import random_fourier
@@ -138,11 +141,13 @@ def test_an_effect_is_added_where_it_harms_nothing(monkeypatch):
     finding = Finding("joint_spring", robot.joints, 0.1, 0.01, 50.0, 1e-2, 0.9, 9.0, 9.0, 0.0, 1e-9, {}, (), "", spring)
     tried = []
 
-    def step(model, diagnosis, finding, members, logs):
+    def accepted(model, diagnosis, finding, members, logs):
         tried.append((finding.joints, members))
-        return ("the step", "") if len(members) == 1 else (None, "joint2 (error × 6) would become worse")
+        if len(members) == 1:
+            return SimpleNamespace(step=lambda: "the step"), ""
+        return None, "joint2 (error × 6) would become worse"
 
-    monkeypatch.setattr(improvement, "_step_with", step)
+    monkeypatch.setattr(improvement, "_accepted", accepted)
     monkeypatch.setattr(improvement, "harmless", lambda validator, members: members[:1])
     refused = {}
     found = improvement.next_step(
@@ -266,17 +271,33 @@ def test_a_shape_that_harms_at_standstill_gives_way_to_the_best_that_does_not(mo
         (member,) = members
         if member.distance in harmful:
             return None, improvement.RISES_AT_STANDSTILL
-        return SimpleNamespace(effects=members, error_after=errors[member.distance]), ""
+        return SimpleNamespace(step=lambda: members, error_after=errors[member.distance]), ""
 
-    monkeypatch.setattr(improvement, "_step_with", judged)
+    monkeypatch.setattr(improvement, "_accepted", judged)
     finding = SimpleNamespace(pays=True, members=(effect,), effect="hysteresis", joints=[])
     refused = {}
-    step = improvement.next_step(None, SimpleNamespace(findings=[finding]), [], refused)
-    assert step.effects == (grid[-2],)
+    assert improvement.next_step(None, SimpleNamespace(findings=[finding]), [], refused) == (grid[-2],)
     assert not refused
     harmful.update(errors)
     assert improvement.next_step(None, SimpleNamespace(findings=[finding]), [], refused) is None
     assert refused == {"hysteresis": (finding, improvement.RISES_AT_STANDSTILL)}
+
+
+def test_a_refit_that_is_refused_has_no_alarms_made(monkeypatch):
+    """They took a quarter of the time of a refit, and most refits are refused."""
+    machine, asked = Robot.load("planar2"), []
+    log = simulate(machine, random_fourier(machine, 10.0, seed=1), rate=50.0, noise=Noise(tau=0.01), seed=1)
+    model = identify(machine, [log], recursion="none").model
+    alarms = identification.fit_alarms
+    monkeypatch.setattr(identification, "fit_alarms", lambda *given: asked.append(given) or alarms(*given))
+    effects = (*model.effects, *parse_effects("joint_spring"))
+    refit = refitted(model, effects, [log], "always", CRITERIA)
+    assert not asked
+    assert refit.model.history == ()
+    complete = refit.complete()
+    assert len(asked) == 1
+    assert cross_validated_nrmse(complete.history) == refit.error
+    assert np.array_equal(complete.estimate.theta, refit.model.estimate.theta)
 
 
 def test_a_refused_effect_hides_no_other(monkeypatch):
