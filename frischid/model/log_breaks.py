@@ -88,7 +88,15 @@ def break_of(problem: Problem, log: LogMoments, fit: MapEstimate, share: Array) 
         return None
     parts = [(before, until[-1] - before) for before in until[:-1]]
     weights = fit.rows / (np.maximum(until[-1].counts, 1.0) * fit.variance)
-    best = least_of(len(parts), lambda k: sum(_error(problem, part, fit, weights) for part in parts[k]))
+    whole = MapProblem(until[-1], problem.reduction.mapping, fit.prior)
+    precision = whole.precision(fit.prior.scales)
+
+    def error(part: Gram, other: Gram) -> float:
+        """Weighted squared error of the fit to one part."""
+        theta = np.append(whole.A @ whole.rows(weights, precision, less=other).solve(), -1.0)
+        return float(theta @ part.weighted(weights) @ theta)
+
+    best = least_of(len(parts), lambda k: error(*parts[k]) + error(*parts[k][::-1]))
     return Break(float(log.starts[best + 1]), surprise_of_both(problem, fit, share, *parts[best]))
 
 
@@ -103,10 +111,3 @@ def least_of(count: int, error: Callable[[int], float]) -> int:
     step = isqrt(count)
     best = min(range(step // 2, count, step), key=error)
     return min(range(max(0, best - step + 1), min(count, best + step)), key=error)
-
-
-def _error(problem: Problem, part: Gram, fit: MapEstimate, weights: Array) -> float:
-    """Weighted squared error of the fit to some rows."""
-    some = MapProblem(part, problem.reduction.mapping, fit.prior)
-    x = some.rows(weights, some.precision(fit.prior.scales)).solve()
-    return float(weights @ some.squares(x))
