@@ -32,11 +32,10 @@ from itertools import combinations
 
 import numpy as np
 
-from frischid.checks.check_criteria import CheckCriteria
 from frischid.checks.faults import Fault, cost
 from frischid.checks.other_links import evidence_of_other_links
 from frischid.checks.payload import LEAST_ERROR, evidence
-from frischid.checks.position_faults import JOINT_ZERO, joint_faults, position_faults, with_torques
+from frischid.checks.position_faults import JOINT_ZERO, joint_faults, merged, position_faults
 from frischid.checks.robot_faults import robot_faults, shared_errors, shared_faults
 from frischid.checks.row_fits import RowFits, local_fits
 from frischid.checks.sketch import Sketch
@@ -116,9 +115,11 @@ def explain(sketch: Sketch, contradicted: Callable[[Sketch], bool] = lambda corr
         for start in _best(found):
             begun = RowFits(start.sketch)
             for item in position_faults(start.sketch):
-                twice = (item.fault.kind, item.fault.where) in start.key  # as it was
-                if not twice and lead - _least_cost(start.faults, item.fault) > -odds:  # else no rival
-                    found += _readings(RowFits(item.sketch, begun), (*start.faults, item.fault))
+                faults = (*start.faults, item.fault)
+                if (item.fault.kind, item.fault.where) in start.key:
+                    continue  # undone twice is as it was
+                if lead - _price(faults) > -odds or _with_merged(faults, item.sketch) > so_far.score - odds:
+                    found += _readings(RowFits(item.sketch, begun), faults)  # else no rival
         found += [_hypothesis((item.fault,), item.sketch) for item in joint_faults(sketch)]
         behind = _behind_the_robot(found)
         found += (shared := _of_the_robot([*behind, *_best(h for h in found if _has_robot_fault(h))]))
@@ -188,15 +189,23 @@ def _behind_the_robot(found: Iterable[Hypothesis]) -> list[Hypothesis]:
 
 
 def _lead_without_faults(likeliest: Hypothesis) -> float:
-    """Score over the likeliest hypothesis, if all that proves anything could be explained without a fault."""
+    """Score over the likeliest hypothesis, if one without faults explained all that proves anything.
+
+    A row's likelihood rises a little further below the error that URDFs have anyway (`RowFits.value`).
+    """
     fits = RowFits(likeliest.sketch)
     explained = fits.total(np.minimum(likeliest.errors, fits.criteria.urdf_error))
     return explained - fits.total(likeliest.errors) + sum(f.cost for f in likeliest.faults)
 
 
-def _least_cost(faults: Iterable[Fault], further: Fault) -> float:
-    """Least cost of faults and a further one of positions: the faults of torques may be the same fault."""
-    return further.cost + sum(f.cost for f in faults if f.kind not in ("torque sign", "swapped torques"))
+def _price(faults: Iterable[Fault]) -> float:
+    """Cost of faults of which one is of positions: those of the torques may be the same fault."""
+    return sum(f.cost for f in faults if f.kind not in ("torque sign", "swapped torques"))
+
+
+def _with_merged(faults: Sequence[Fault], sketch: Sketch) -> float:
+    """Score of some faults that a sketch holds undone, each fault of positions and torques together counted once."""
+    return _hypothesis(tuple(faults), sketch).score + merged(faults, len(sketch.rows), sketch.criteria)[1]
 
 
 def _has_position_fault(hypothesis: Hypothesis) -> bool:
@@ -220,39 +229,9 @@ def _readings(fits: RowFits, faults: tuple[Fault, ...], *, simple: bool = False)
             for j, torque in local.springs.items():
                 nominal[:, j] += torque
         read = replace(sketch, tau=local.tau, given_nominal=nominal)
-        merged, refund = _merged((*faults, *local.faults), len(fits.rows), sketch.criteria)
-        found.append(Hypothesis(merged, local.score - paid + refund, local.errors, read))
+        together, refund = merged((*faults, *local.faults), len(fits.rows), sketch.criteria)
+        found.append(Hypothesis(together, local.score - paid + refund, local.errors, read))
     return found
-
-
-def _merged(faults: Sequence[Fault], joints: int, criteria: CheckCriteria) -> tuple[tuple[Fault, ...], float]:
-    """Faults of a joint's positions and torques together are one fault; and the cost that this saves."""
-    left, refund = _one_sign_each(faults), 0.0
-    for kind, partner in (("position sign", "torque sign"), ("swapped positions", "swapped torques")):
-        for one in [f for f in left if f.kind == kind]:
-            other = next((f for f in left if f.kind == partner and set(f.where) == set(one.where)), None)
-            if other is None:
-                continue
-            both = with_torques(one, joints, criteria)
-            refund += one.cost + other.cost - both.cost
-            left = [both if f is one else f for f in left if f is not other]
-    return tuple(left), refund
-
-
-def _one_sign_each(faults: Sequence[Fault]) -> list[Fault]:
-    """All torques reversed, and some reversed once more: the others are reversed."""
-    signs = [f for f in faults if f.kind == "torque sign"]
-    every = next((f for f in signs if len(f.where) > 1), None)
-    again = {name for f in signs if f is not every for name in f.where}
-    if every is None or not again:
-        return list(faults)
-    where = tuple(name for name in every.where if name not in again)
-    advice = "set torque_sign = -1 for these joints in a mapping file"
-    what = "these torques {have|may have} the wrong sign: with the signs changed, the model explains them"
-    fix = tuple((name, "torque_sign", -1) for name in where)
-    price = sum(f.cost for f in signs)
-    rest = [f for f in faults if f.kind != "torque sign"]
-    return [replace(every, what=what, where=where, advice=advice, fix=fix, cost=price), *rest]
 
 
 def _of_the_robot(starts: Iterable[Hypothesis]) -> list[Hypothesis]:

@@ -11,7 +11,7 @@ the torque of each δ is then computed.
 
 from __future__ import annotations
 
-from collections.abc import Iterator
+from collections.abc import Iterator, Sequence
 from dataclasses import dataclass, replace
 from itertools import combinations
 
@@ -120,6 +120,36 @@ def with_torques(fault: Fault, rows: int, criteria: CheckCriteria) -> Fault:
     price = cost(criteria, "swapped joints", rows * (rows - 1) // 2)
     fix = (*fault.fix, (one, "tau", other), (other, "tau", one))
     return replace(fault, kind="swapped joints", what=what, cost=price, fix=fix)
+
+
+def merged(faults: Sequence[Fault], joints: int, criteria: CheckCriteria) -> tuple[tuple[Fault, ...], float]:
+    """Faults of a joint's positions and torques together are one fault; and the cost that this saves."""
+    left, refund = _one_sign_each(faults), 0.0
+    for kind, partner in (("position sign", "torque sign"), ("swapped positions", "swapped torques")):
+        for one in [f for f in left if f.kind == kind]:
+            other = next((f for f in left if f.kind == partner and set(f.where) == set(one.where)), None)
+            if other is None:
+                continue
+            both = with_torques(one, joints, criteria)
+            refund += one.cost + other.cost - both.cost
+            left = [both if f is one else f for f in left if f is not other]
+    return tuple(left), refund
+
+
+def _one_sign_each(faults: Sequence[Fault]) -> list[Fault]:
+    """All torques reversed, and some reversed once more: the others are reversed."""
+    signs = [f for f in faults if f.kind == "torque sign"]
+    every = next((f for f in signs if len(f.where) > 1), None)
+    again = {name for f in signs if f is not every for name in f.where}
+    if every is None or not again:
+        return list(faults)
+    where = tuple(name for name in every.where if name not in again)
+    advice = "set torque_sign = -1 for these joints in a mapping file"
+    what = "these torques {have|may have} the wrong sign: with the signs changed, the model explains them"
+    fix = tuple((name, "torque_sign", -1) for name in where)
+    price = sum(f.cost for f in signs)
+    rest = [f for f in faults if f.kind != "torque sign"]
+    return [replace(every, what=what, where=where, advice=advice, fix=fix, cost=price), *rest]
 
 
 def moved(sketch: Sketch, factor: Array | None, order: NDArray[np.intp] | None) -> Sketch:

@@ -214,11 +214,12 @@ def _with_torque(fits: RowFits, k: int, option: Option) -> tuple[Fault, ...]:
 
 def _exchanges(fits: RowFits, factor: float, scores: list[float]) -> list[tuple[float, int, int, Option]]:
     """Pairs of torque columns that may gain by an exchange: the gain, the two rows, the exchange."""
-    R = len(fits.rows)
+    if len(fits.rows) < 2:
+        return []
     most = fits.values(fits.least_errors(factor)) - np.array(scores)[:, None]
     promising = np.triu(most + most.T > _price_of_exchange(fits), 1)
     found = []
-    for i, k in np.argwhere(promising).tolist() if R > 1 else ():
+    for i, k in np.argwhere(promising).tolist():
         exchange = _exchange(fits, i, k, factor)
         found.append((exchange.score - scores[i] - scores[k], i, k, exchange))
     return found

@@ -38,8 +38,9 @@ def _at_limits(diagnosis: Diagnosis) -> str:
 
 def on_condition(diagnosis: Diagnosis, said: str) -> str:
     """A verdict in words, with what it presumes in front: effects explain the fault of a log, too, if only in part."""
-    named = [PRESUMED[alarm.id] for alarm in diagnosis.headline.alarms if alarm.id in PRESUMED]
-    return f"Unless {named[0]}, {said[:1].lower()}{said[1:]}" if named else said
+    found = {alarm.id for alarm in diagnosis.headline.alarms}
+    named = " or ".join(words for alarm, words in PRESUMED.items() if alarm in found)
+    return f"Unless {named}, {said[:1].lower()}{said[1:]}" if named else said
 
 
 def _first(diagnosis: Diagnosis) -> str:

@@ -237,6 +237,7 @@ def _simulated(
 ) -> SimulatedFinding:
     """A finding of a diagnosis, added to the model and simulated."""
     try:
+        model.check(logs)
         added = trial(model, finding.members, logs, found.situation, finding, found.criteria).refit.model
         after = simulated_error(added, *shown)
     except InputError as error:

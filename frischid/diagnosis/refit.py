@@ -72,7 +72,7 @@ class Refit:
     """A model fitted again. Most refits are refused, so its alarms and its history wait until they are asked for."""
 
     model: Model
-    """Without a history."""
+    """Without a history; of a changed robot, as `complete` gives it."""
     error: float
     """Cross-validated NRMSE on the logs of the fit."""
     complete: Callable[[], Model]

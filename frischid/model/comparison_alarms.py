@@ -187,9 +187,10 @@ def times_of(ratio: float) -> str:
 
 
 def _unexpected(seen: Elsewhere, before: list[Alarm], criteria: AlarmCriteria) -> list[Alarm]:
-    """An error far above the cross-validated one, which no alarm of the motion announces."""
+    """An error far above the cross-validated one and the sensors' noise, which no alarm of the motion announces."""
     error = mean(seen.of_fitted(seen.measured))
-    if not any(alarm.id == "extrapolation" for alarm in before) and error > criteria.held_out_ratio * seen.usual:
+    usual = np.fmax(np.hypot(seen.usual, mean(seen.of_fitted(seen.floors))), seen.usual)
+    if not any(alarm.id == "extrapolation" for alarm in before) and error > criteria.held_out_ratio * usual:
         times = error / max(seen.cross_validated, SMALLEST_ERROR)
         return [
             Alarm(

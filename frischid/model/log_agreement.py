@@ -60,7 +60,7 @@ def disagreeing_logs(
 
 
 def surprises(problem: Problem, logs: Mapping[str, LogMoments], fit: MapEstimate, share: Array) -> dict[str, Array]:
-    """Log -> measured error over expected error of each joint (J,): the smaller one of both directions."""
+    """Log -> measured error over expected error of each joint (J,): the smallest of three (`surprise_of_both`)."""
     if len(logs) < 2:
         return {}
     moments = {name: total(log.blocks) for name, log in logs.items()}

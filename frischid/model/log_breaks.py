@@ -1,8 +1,8 @@
 """Whether a log is of one robot in one state from its beginning to its end: the log is cut where two fits say most.
 
 A robot that grasps a body in the middle of a log is another robot after that. One fit to the whole log lies between the
-two, and each part has a part of the error. With the joints' weights w_j of the fit to all logs, the log is cut at the
-block b that leaves the least error of two fits,
+two, and each part has a part of the error. With weights w_j from the joints' noise in the fit to all logs, the log is
+cut at the block b that leaves the least error of two fits,
 
     b* = argmin_b  min_θ Σ_j w_j ‖τ_j − Y_j θ‖²(before b)  +  min_θ Σ_j w_j ‖τ_j − Y_j θ‖²(from b on),
 
@@ -17,9 +17,7 @@ from __future__ import annotations
 
 from collections.abc import Callable, Mapping
 from dataclasses import dataclass
-from itertools import accumulate
 from math import isqrt
-from operator import add
 from pathlib import Path
 
 import numpy as np
@@ -32,7 +30,6 @@ from frischid.model.alarms import LOG_CHANGES, Alarm, AlarmCriteria
 from frischid.model.comparison_alarms import times_of
 from frischid.model.identification_stages import Problem
 from frischid.model.log_moments import LogMoments, surprise_of_both
-from frischid.regression.moments import Gram
 
 
 @dataclass(frozen=True, eq=False)
@@ -40,7 +37,7 @@ class Break:
     """Where a log is cut."""
 
     time: float
-    """s."""
+    """Since the log's first sample, s."""
     surprise: Array
     """Measured error over expected error of each joint, (J,), of one part held against a fit to the other."""
 
@@ -63,7 +60,7 @@ def changing_logs(
         return []
     worst = np.max([cut.surprise for cut in broken.values()], axis=0)
     where = tuple(n for n, x in zip(problem.data.joints, worst, strict=True) if x > criteria.surprise)
-    places = listed([f"at about {cut.time:.1f} s of {Path(name).name}" for name, cut in broken.items()])
+    places = listed([f"at about {cut.time:.1f} s of {Path(name).name or 'the log'}" for name, cut in broken.items()])
     return [
         Alarm(
             LOG_CHANGES,
@@ -83,21 +80,24 @@ def changing_logs(
 
 def break_of(problem: Problem, log: LogMoments, fit: MapEstimate, share: Array) -> Break | None:
     """The best cut of a log; None where the log is a single block."""
-    until = list(accumulate(log.blocks, add))
-    if len(until) < 2:
+    cuts = len(log.blocks) - 1
+    if not cuts:
         return None
-    parts = [(before, until[-1] - before) for before in until[:-1]]
-    weights = fit.rows / (np.maximum(until[-1].counts, 1.0) * fit.variance)
-    whole = MapProblem(until[-1], problem.reduction.mapping, fit.prior)
-    precision = whole.precision(fit.prior.scales)
+    both = log.blocks.total()
+    weights = fit.rows / (np.maximum(both.counts, 1.0) * fit.variance)
+    whole = MapProblem(both, problem.reduction.mapping, fit.prior)
+    precision, each = whole.precision(fit.prior.scales), [block.weighted(weights) for block in log.blocks]
+    before, after = np.cumsum(each[:-1], axis=0), np.cumsum(each[:0:-1], axis=0)[::-1]
 
-    def error(part: Gram, other: Gram) -> float:
-        """Weighted squared error of the fit to one part."""
-        theta = np.append(whole.A @ whole.rows(weights, precision, less=other).solve(), -1.0)
-        return float(theta @ part.weighted(weights) @ theta)
+    def error(part: Array) -> float:
+        """Weighted squared error of the fit to the rows with these weighted moments, (p + 1, p + 1)."""
+        x = whole.rows_of(part[:-1, :-1], part[:-1, -1], precision).solve()
+        theta = np.append(whole.A @ x, -1.0)
+        return float(theta @ part @ theta)
 
-    best = least_of(len(parts), lambda k: error(*parts[k]) + error(*parts[k][::-1]))
-    return Break(float(log.starts[best + 1]), surprise_of_both(problem, fit, share, *parts[best]))
+    best = least_of(cuts, lambda k: error(before[k]) + error(after[k]))
+    part = log.blocks[: best + 1].total()
+    return Break(float(log.starts[best + 1]), surprise_of_both(problem, fit, share, part, both - part))
 
 
 def least_of(count: int, error: Callable[[int], float]) -> int:

@@ -21,12 +21,16 @@ import numpy as np
 from frischid.core.types import Array
 from frischid.estimators.map_estimate import MapEstimate, effective_rows
 from frischid.estimators.map_problem import MapProblem
+from frischid.logs.log import Log
+from frischid.logs.preprocessing import Motion
 from frischid.model.comparison_alarms import SMALLEST_ERROR
 from frischid.model.identification_stages import Problem
 from frischid.regression.accumulation import accumulate
 from frischid.regression.moment_blocks import Blocks
 from frischid.regression.moments import Gram
 
+STRETCHES = 32
+"""Stretches of a log, at the ends of which it may be cut: the moment of a change is known to a thirtieth of the log."""
 NOISE_ROUNDS = 6
 """Most iterations of parameters and noise, as many as `friction_alone` makes."""
 NOISE_FOUND = 0.01
@@ -38,9 +42,9 @@ class LogMoments:
     """Moments of one log."""
 
     blocks: Blocks
-    """Of consecutive stretches of time."""
+    """Of consecutive stretches of time, `STRETCHES` or a few more."""
     starts: Array
-    """Time at which each block begins, s, (B,); within a motion the blocks are taken to be of one length."""
+    """Time since the log's first sample at which each block begins, s, (B,)."""
 
 
 class PartFit(NamedTuple):
@@ -56,18 +60,29 @@ def moments_by_log(problem: Problem) -> dict[str, LogMoments]:
 
     Logs of poses are left out: dry friction may hold any torque up to its own size there.
     """
-    data, columns = problem.data, problem.reduction.base_columns()
-    blocks, starts = dict[str, Blocks](), dict[str, list[Array]]()
+    data, base = problem.data, problem.reduction.base
+    motions: dict[str, list[Motion]] = {}
     for motion in data.some_motions:
-        if motion.at_poses:
-            continue
-        base = problem.reduction.base
-        own = accumulate(problem.regressor, [motion], data.lowpass, data.joints, base=base).described(columns)
-        for block in own[:]:
-            blocks.setdefault(motion.source, Blocks()).append(block)
-        starts.setdefault(motion.source, []).append(np.linspace(motion.t[0], motion.t[-1], len(own), endpoint=False))
-    found = {name: LogMoments(own, np.concatenate(starts[name])) for name, own in blocks.items()}
-    return {name: log for name, log in found.items() if log.blocks.counts.any()}
+        if not motion.at_poses:
+            motions.setdefault(motion.source, []).append(motion)
+    first = {log.source: float(log.t[0]) for log in data.logs if isinstance(log, Log)}
+    found = {}
+    for name, own in motions.items():
+        seconds = sum(float(motion.t[-1] - motion.t[0]) for motion in own)
+        blocks, starts, stretch = Blocks(), list[float](), (own[-1].t[-1] - own[0].t[0]) / STRETCHES
+        for motion in own:
+            some = accumulate(problem.regressor, [motion], data.lowpass, data.joints, seconds=seconds, base=base)
+            within = np.linspace(motion.t[0], motion.t[-1], len(some), endpoint=False)  # taken to be of one length
+            for block, start in zip(some.packed(), within.tolist(), strict=True):
+                if starts and start < starts[-1] + stretch:
+                    blocks.merge(block)
+                else:
+                    blocks.append(block)
+                    starts.append(start)
+        if blocks.counts.any():
+            since = np.array(starts) - first.get(name, own[0].t[0])
+            found[name] = LogMoments(blocks.described(problem.reduction.base_columns()), since)
+    return found
 
 
 def surprise_of_both(problem: Problem, whole_fit: MapEstimate, share: Array, one: Gram, other: Gram) -> Array:

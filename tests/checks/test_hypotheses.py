@@ -425,6 +425,18 @@ def test_no_further_fault_of_positions_is_read_beside_springs_that_explain_all(l
     assert len(read) < 2 * alone
 
 
+def test_a_small_wrong_zero_beside_a_reversed_axis_is_named():
+    """With the sign alone the URDF explains the torques as well as most URDFs do."""
+    motion, known = random_fourier(UR, 20.0, seed=3), {f"{name}{i}": 1.0 for name in ("fv", "fc") for i in range(1, 7)}
+    right = simulate(UR, motion, rate=100.0, effects=BASELINE, parameters=known, noise=Noise(q=1e-5, tau=0.01), seed=3)
+    q = right.q.copy()
+    q[:, 1] *= -1
+    q[:, 2] -= np.deg2rad(5.0)
+    found, _ = issues(replace(right, q=q, v=None, a=None))
+    assert set(found) >= {"position sign", "joint zero"}
+    assert found["joint zero"].where == (UR.joints[2],)
+
+
 def test_a_spring_does_not_hide_a_tilted_base(log):
     leaning = Robot.load("ur10", base_rpy=(0.3, 0.4, 0.0))
     zero = np.zeros_like(log.q)

@@ -1,6 +1,7 @@
 """A log in the middle of which the robot takes a load raises an alarm with the time; a log of one robot does not."""
 
 import re
+from dataclasses import replace
 
 import numpy as np
 import pytest
@@ -9,6 +10,10 @@ import frischid as fr
 from frischid.diagnosis.clause import missing
 from frischid.model import log_moments
 from frischid.model.alarms import LOG_CHANGES
+from frischid.model.identification_stages import form_moments, read_logs
+from frischid.model.identify_options import IdentifyOptions
+from frischid.model.log_data import Journal
+from frischid.model.log_moments import moments_by_log
 
 NOISE = fr.Noise(q=1e-5, tau=0.02)
 LOADED = {"m2": 3.0, "mx2": 1.0}
@@ -43,6 +48,30 @@ def test_a_load_that_is_taken_in_the_middle_of_a_log_is_an_alarm_with_the_time(a
     assert "joint2" in alarm.joints
     assert alarm.value > 1.3 * alarm.limit
     assert float(re.search(r"at about ([\d.]+) s of log", alarm.sentence)[1]) == pytest.approx(taken, abs=1.5)
+
+
+def test_the_time_counts_from_the_first_sample_as_that_of_cut_does(arm):
+    log = log_of(arm, 2, 8.0, **LOADED)
+    (alarm,) = changes(arm, [replace(log, t=log.t + 1000.0)])
+    assert float(re.search(r"at about ([\d.]+) s of log", alarm.sentence)[1]) == pytest.approx(8.0, abs=1.5)
+
+
+def test_a_log_of_many_parts_is_kept_in_few_stretches(arm, monkeypatch):
+    """A hundred gaps had given a thousand blocks, and two fits for each."""
+    log = log_of(arm, 2, 8.0, **LOADED)
+    kept = np.arange(len(log)) % 100 < 70
+    parts = replace(log, t=log.t[kept], q=log.q[kept], tau=log.tau[kept])
+    monkeypatch.setattr(log_moments, "STRETCHES", 8)
+    options = IdentifyOptions(recursion="none", cutoff=15.0)
+    problem = form_moments(read_logs(arm, [parts], (), options, Journal(print)), fr.BASELINE)
+    assert len(problem.blocks) >= 19  # one of each part, or more
+    (found,) = moments_by_log(problem).values()
+    assert len(found.starts) == len(found.blocks)
+    assert 6 <= len(found.blocks) <= 9
+    assert (np.diff(found.starts) > 0).all()
+    np.testing.assert_allclose(found.blocks.total().counts, problem.whole.counts)
+    (alarm,) = changes(arm, [parts], cutoff=15.0)
+    assert float(re.search(r"at about ([\d.]+) s of log", alarm.sentence)[1]) == pytest.approx(8.0, abs=2.5)
 
 
 def test_the_load_may_be_taken_in_one_of_two_logs(arm):

@@ -639,9 +639,9 @@ def test_controls_may_be_moved_before_the_robot_is_drawn(case, tmp_path, monkeyp
 @needs_browser
 def test_it_is_dark_where_the_reader_wants_it_dark(case, tmp_path):
     filters = "['html', 'canvas'].map((e) => getComputedStyle(document.querySelector(e)).filter)"
-    with in_a_browser(*case, tmp_path / "model.json", port=8290) as (_, seen):
+    with in_a_browser(*case, tmp_path / "model.json", port=8290, scheme="dark") as (_, seen):
         seen.page.wait_for_selector("text=misses")
-        for scheme, turned in (("light", False), ("dark", True)):
+        for scheme, turned in (("dark", True), ("light", False)):
             seen.page.emulate_media(color_scheme=scheme)
             settled(lambda turned=turned: [("invert" in f) for f in seen.page.evaluate(filters)] == [turned, turned])
 
