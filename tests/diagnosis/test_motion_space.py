@@ -117,6 +117,10 @@ def test_a_finding_that_cannot_be_simulated_says_why():
     moved = fr.simulate_findings(model, found, logs)
     flexible = [f for f in moved.findings if f.finding.effect == "elasticity"]
     assert all("cannot be simulated" in f.refused and not f.joints and f.ratio == 1.0 for f in flexible)
+    (log,) = logs
+    other = fr.Log(log.t, ("joint1",), q=log.q[:, :1], tau=log.q[:, :1], source="one joint")
+    refused = fr.simulate_findings(model, found, [other], valid=logs).findings[0].refused
+    assert "one joint: no position (q_<joint>) of joint2" in refused
     with pytest.raises(InputError, match="horizon"):
         fr.simulate_findings(model, found, logs, horizon=-1.0)
 

@@ -118,7 +118,10 @@ def test_a_joint_that_holds_nothing_but_noise_is_no_alarm():
 def test_an_error_that_is_the_noise_of_these_logs_is_no_other_robot():
     """Fingers on motions with long rests: the logs at hand are noisier than the fitted ones, and no model is better."""
     noisy = {"measured": np.array([1.0, 1.0, 9.0]), "floors": np.array([0.4, 0.4, 8.0])}
-    assert "unlike-the-fitted-logs" not in ids(elsewhere(seen(**noisy), CRITERIA))
+    assert elsewhere(seen(**noisy), CRITERIA) == []
+    everywhere = {"measured": np.full(3, 9.0), "floors": np.full(3, 8.0)}  # nine times the cross-validated error
+    assert elsewhere(seen(**everywhere), CRITERIA) == []
+    assert ids(elsewhere(seen(**everywhere | {"floors": np.full(3, 0.4)}), CRITERIA)) == ["unlike-the-fitted-logs"]
 
 
 def test_alarms_of_a_fit():
