@@ -1,5 +1,6 @@
 """Logs in which joints rest, through check, identify, compare and diagnose: what each kind can and cannot say."""
 
+import re
 from dataclasses import replace
 from functools import cache
 
@@ -217,6 +218,19 @@ def test_a_push_against_a_still_arm_is_a_contact():
     assert contact.joints == list(ARM.joints)
     assert contact.start == pytest.approx(5, abs=1.5)
     assert contact.stop == pytest.approx(5, abs=1.5)
+
+
+def test_times_of_a_push_count_from_the_first_sample_as_those_of_cut_do():
+    """The stamps of a ROS bag count from 1970, and `frischid cut` counts from the first sample."""
+    log = pushed()
+    later = replace(log, t=log.t + 1.7e9)
+    (report,) = fr.check(ARM, [later])
+    said = report.issues[1].what
+    (contact,) = fr.diagnose(of_motion().model, [later]).contacts
+    for start, stop in (re.search(r"from ([\d.]+) to ([\d.]+) s", x).groups() for x in (said, contact.when)):
+        assert float(start) == pytest.approx(5, abs=1.5)
+        assert float(stop) == pytest.approx(5, abs=1.5)
+    assert contact.start - contact.log_start == pytest.approx(float(start), abs=0.01)
 
 
 def test_a_still_arm_without_a_push_is_no_contact():

@@ -123,13 +123,15 @@ def check_pushes(log: Log, notes: Notebook) -> None:
     """Report torques that appear while the arm stands still."""
     span = np.ptp(log.q, axis=0)
     never = {n for n, x in zip(log.joints, span, strict=True) if x < STANDSTILL_SPAN <= span.max()}
+    first = float(log.t[0])  # times count from here, as those of `frischid cut`
     for push in pushes(log, notes.criteria):
         doubtful = [n for n in push.joints if n in never]
         cause = f", or {listed(doubtful)} moves and the position was not recorded" if doubtful else ""
         notes.add(
             "contact",
-            f"while the arm stands still, a torque of up to {push.torque:.3g} N·m (N) appears from {push.start:.2f} to "
-            f"{push.stop:.2f} s ({push.strength:.3g} standard deviations of the rest): something pushes the arm{cause}",
+            f"while the arm stands still, a torque of up to {push.torque:.3g} N·m (N) appears from "
+            f"{push.start - first:.2f} to {push.stop - first:.2f} s ({push.strength:.3g} standard deviations of the "
+            f"rest): something pushes the arm{cause}",
             push.joints,
             "possible" if doubtful else "likely",
             "leave this stretch out (frischid cut) if the log is to be fitted; a fit leaves out samples at standstill "

@@ -72,6 +72,8 @@ class Contact:
         Joints whose torque shows the contact.
     strength : float
         Largest residual in robust standard deviations.
+    log_start : float
+        First time stamp of the log, s; 0 for a recording that is read in pieces.
     """
 
     source: str
@@ -79,6 +81,16 @@ class Contact:
     stop: float
     joints: list[str]
     strength: float
+    log_start: float = 0.0
+
+    @property
+    def when(self) -> str:
+        """The times in words, counted from the log's first sample as those of ``frischid cut``.
+
+        >>> Contact("log.csv", 1018.1, 1029.0, ["joint1"], 9.0, log_start=1000.0).when
+        'from 18.10 to 29.00 s'
+        """
+        return f"from {self.start - self.log_start:.2f} to {self.stop - self.log_start:.2f} s"
 
 
 @dataclass(frozen=True)
@@ -274,7 +286,8 @@ def contacts_at_rest(model: Model, logs: Sequence[Log | Recording]) -> list[Cont
             tau = part.tau.copy()
             tau[:, [j for j, name in enumerate(part.joints) if name not in model.joints]] = 0.0
             part = replace(part, tau=tau)
-        found += [Contact(log.source, p.start, p.stop, list(p.joints), p.strength) for p in pushes(part)]
+        first = float(log.t[0])
+        found += [Contact(log.source, p.start, p.stop, list(p.joints), p.strength, first) for p in pushes(part)]
     return found
 
 

@@ -161,7 +161,10 @@ def diagnose(
     validator, state = cross_validator(model, searched, situation, criteria=criteria, workers=workers)
     found_by = [stages(v, state, Floor.of(v), effects, progress) for v in priors_of(validator, state)]
     results = best_stages(found_by)
-    results = replace(results, contacts=(*results.contacts, *touched))
+    first = {log.source: float(log.t[0]) for log in logs if isinstance(log, Log)}
+    contacts = [replace(c, log_start=first.get(c.source, 0.0)) for c in results.contacts]
+    limits = [replace(limit, log_starts=first) for limit in results.limits]
+    results = replace(results, contacts=(*contacts, *touched), limits=tuple(limits))
     verdict, by_twin = decided(results), decided(results, by_twin=True)
     if state == "changed" and effects is None:
         refit = refit_finding(results.validator, results.floor)

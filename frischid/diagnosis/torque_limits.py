@@ -26,8 +26,8 @@ that a limit has cut.
 
 from __future__ import annotations
 
-from collections.abc import Sequence
-from dataclasses import dataclass
+from collections.abc import Mapping, Sequence
+from dataclasses import dataclass, field
 from pathlib import Path
 from typing import Any
 
@@ -57,10 +57,13 @@ class TorqueLimit:
     """Whether the log holds the commanded torque, which goes beyond the limit."""
     stretches: tuple[Stretch, ...]
     """Log, start and stop, s: where the torque is at its limit."""
+    log_starts: Mapping[str, float] = field(default_factory=dict)
+    """Log -> its first time stamp, s; none for a recording that is read in pieces."""
 
     def __str__(self) -> str:
         c, found = f"{self.limit:.3g} N·m (N)", self.stretches
-        where = listed([f"{Path(s).name} from {a:.2f} to {b:.2f} s" for s, a, b in found[:_STRETCHES_TOLD]])
+        since = [(s, self.log_starts.get(s, 0.0), a, b) for s, a, b in found[:_STRETCHES_TOLD]]  # as `cut` counts
+        where = listed([f"{Path(s).name} from {a - t0:.2f} to {b - t0:.2f} s" for s, t0, a, b in since])
         more = f" and {len(found) - _STRETCHES_TOLD} more times" if len(found) > _STRETCHES_TOLD else ""
         what = (
             f"the commanded torque is beyond {c}, but the joint moves as with {c}. The drive gives no more, and the "
@@ -73,7 +76,8 @@ class TorqueLimit:
 
     def to_dict(self) -> dict[str, Any]:
         """Plain JSON values."""
-        stretches = [{"source": source, "start": a, "stop": b} for source, a, b in self.stretches]
+        first = self.log_starts
+        stretches = [{"source": s, "start": a, "stop": b, "log_start": first.get(s, 0.0)} for s, a, b in self.stretches]
         return {"joint": self.joint, "limit": self.limit, "commanded": self.commanded, "stretches": stretches}
 
 

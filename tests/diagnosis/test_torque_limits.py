@@ -1,5 +1,6 @@
 """A torque at its limit is neither a contact nor an effect: the stretches are named and left out."""
 
+import re
 from dataclasses import replace
 from functools import cache
 
@@ -62,7 +63,7 @@ def diagnosed(log: fr.Log) -> fr.Diagnosis:
 @pytest.mark.parametrize("kind", ["sensor", "command"])
 def test_a_torque_at_its_limit_is_named_and_left_out(kind):
     """It had been a contact (98 %), a drive gain (90 %) or a delay."""
-    log = recorded(kind)
+    log = replace(recorded(kind), t=recorded(kind).t + 1000.0)
     found = diagnosed(log)
     (limit,) = found.limits
     assert (limit.joint, limit.commanded) == ("joint1", kind == "command")
@@ -74,6 +75,8 @@ def test_a_torque_at_its_limit_is_named_and_left_out(kind):
     assert found.remainder.startswith("the torque of joint1 is at its limit for a while; in the rest of the logs, no")
     assert any("the model was fitted with torques at their limit" in note for note in found.notes)
     assert str(limit) in found.notes
+    told = [float(x) for x in re.findall(r"from ([\d.]+) to", str(limit))]  # from the first sample, as `frischid cut`
+    assert told == pytest.approx([start - 1000.0 for _, start, _ in limit.stretches[: len(told)]], abs=0.01)
     assert found.to_dict()["limits"][0]["stretches"][0]["source"] == kind
     assert found.left_out("joint1") == {"torque at its limit": list(limit.stretches)}
     assert found.left_out("joint2") == {}

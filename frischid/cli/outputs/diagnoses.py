@@ -44,13 +44,14 @@ class FindingOutput(Output):
 
 
 class ContactOutput(Output):
-    """A contact from `start` to `stop`, s."""
+    """A contact from `start` to `stop`, s, in a log whose first time stamp is `log_start`."""
 
     source: str
     start: float
     stop: float
     joints: list[str]
     strength: float
+    log_start: float
 
 
 class SearchJointOutput(Output):
@@ -110,11 +111,12 @@ class MotionDiagnosisOutput(Output):
 
 
 class StretchOutput(Output):
-    """A stretch of time of a log."""
+    """A stretch of time, s, of a log whose first time stamp is `log_start`."""
 
     source: str
     start: float
     stop: float
+    log_start: float
 
 
 class TorqueLimitOutput(Output):

@@ -33,7 +33,7 @@ def diagnosis(result: Diagnosis, moved: MotionDiagnosis | None = None) -> Page:
     head = f"[bold]{verdict}[/bold] (assumed: the robot {changed})."
     parts: list[Any] = [head, headline_line(result.headline)]
     for c in result.contacts:
-        parts.append(f"contact in {c.source} from {c.start:.2f} to {c.stop:.2f} s on {', '.join(c.joints)}; left out")
+        parts.append(f"contact in {c.source} {c.when} on {', '.join(c.joints)}; left out")
     table = table_of("effect", "where", "error", "explains", "gain", "probability", "confused with")
     listed = shown(result)
     for f in listed:

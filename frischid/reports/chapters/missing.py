@@ -39,8 +39,7 @@ def content(study: Study, model_path: str) -> dict[str, Any]:
     said, shared = missing(diagnosis), sentence_of(diagnosis.findings, diagnosis.probabilities, robot)
     pair = pair_of(diagnosis.findings, diagnosis.probabilities) if shared in diagnosis.notes else []
     contacts = [
-        f"Contact in {Path(c.source).name} from {c.start:.2f} to {c.stop:.2f} s on {listed(c.joints)}: left out"
-        for c in diagnosis.contacts
+        f"Contact in {Path(c.source).name} {c.when} on {listed(c.joints)}: left out" for c in diagnosis.contacts
     ]
     return {
         "diagnosis": diagnosis,
