@@ -101,30 +101,8 @@ def explain(sketch: Sketch, contradicted: Callable[[Sketch], bool] = lambda corr
     contradicted : callable, optional
         Whether the torques speak against a log with faults undone, whatever the links weigh (`KinematicEvidence`).
     """
-    fits = RowFits(sketch)
-    null = Hypothesis((), fits.total(sketch.asis), sketch.asis, sketch)
-    found = _readings(fits, ())
-    for item in position_faults(sketch):
-        found += _readings(RowFits(item.sketch, fits), (item.fault,))
-    starts = [null, *_alone(sketch, found[0]), *_best(found), *_readings(fits, (), simple=True)]
-    found += [*_of_the_robot(starts), *_without_one_row(sketch)]
-    found += _of_the_robot(h for h in found if len(h.faults) == 1 and h.faults[0].kind in SHARED_KINDS)
-    so_far = max([*found, null], key=_score)
-    lead, odds = _lead_without_faults(so_far), np.log(sketch.criteria.least_odds)
-    if lead - min((f.cost for f in so_far.faults), default=0.0) > odds:  # else none of a single fault can be better
-        for start in _best(found):
-            begun = RowFits(start.sketch)
-            for item in position_faults(start.sketch):
-                faults = (*start.faults, item.fault)
-                if (item.fault.kind, item.fault.where) in start.key:
-                    continue  # undone twice is as it was
-                if lead - _price(faults) > -odds or _with_merged(faults, item.sketch) > so_far.score - odds:
-                    found += _readings(RowFits(item.sketch, begun), faults)  # else no rival
-        found += [_hypothesis((item.fault,), item.sketch) for item in joint_faults(sketch)]
-        behind = _behind_the_robot(found)
-        found += (shared := _of_the_robot([*behind, *_best(h for h in found if _has_robot_fault(h))]))
-        found += _of_the_robot(_best(h for h in shared if h.faults[-1].kind in SHARED_KINDS))
-        found += _of_the_robot(_best(h for h in found if len(h.faults) == 2 and _has_robot_fault(h)))
+    null = Hypothesis((), RowFits(sketch).total(sketch.asis), sketch.asis, sketch)
+    found = _tried(sketch, null)
     likeliest = max([*found, null], key=_score)
     found += [h for h in _parts(likeliest) if h.faults]
     enough = sorted((h for h in found if h.key <= likeliest.key and _is_enough(h, null)), key=_score, reverse=True)
@@ -144,6 +122,42 @@ def explain(sketch: Sketch, contradicted: Callable[[Sketch], bool] = lambda corr
     # One that has all that is named, and only lacks a fault that is not, is no rival to tell the user of.
     told = max((h for h in others if not h.key >= needed.key), key=_score, default=None)
     return Explanation(best, float(1 / (1 + np.exp(np.clip(-gap, -50, 50)))), told, needed)
+
+
+def _tried(sketch: Sketch, null: Hypothesis) -> list[Hypothesis]:
+    """All hypotheses that are tried: each fault, and further ones beside the best, where a better one is possible."""
+    fits = RowFits(sketch)
+    found = _readings(fits, ())
+    for item in position_faults(sketch):
+        found += _readings(RowFits(item.sketch, fits), (item.fault,))
+    starts = [null, *_alone(sketch, found[0]), *_best(found), *_readings(fits, (), simple=True)]
+    found += [*_of_the_robot(starts), *_without_one_row(sketch)]
+    found += _of_the_robot(h for h in found if len(h.faults) == 1 and h.faults[0].kind in SHARED_KINDS)
+    so_far = max([*found, null], key=_score)
+    least = min((f.cost for f in so_far.faults), default=0.0)
+    if _lead_without_faults(so_far) - least <= np.log(sketch.criteria.least_odds):
+        return found  # a single fault that explains everything would be no better
+    found += [*_two_of_positions(found, so_far), *(_hypothesis((x.fault,), x.sketch) for x in joint_faults(sketch))]
+    behind = _behind_the_robot(found)
+    found += (shared := _of_the_robot([*behind, *_best(h for h in found if _has_robot_fault(h))]))
+    found += _of_the_robot(_best(h for h in shared if h.faults[-1].kind in SHARED_KINDS))
+    found += _of_the_robot(_best(h for h in found if len(h.faults) == 2 and _has_robot_fault(h)))
+    return found
+
+
+def _two_of_positions(found: Sequence[Hypothesis], so_far: Hypothesis) -> list[Hypothesis]:
+    """The best hypotheses with a further fault of positions, where this may give a rival of the likeliest so far."""
+    lead, odds = _lead_without_faults(so_far), np.log(so_far.sketch.criteria.least_odds)
+    more = []
+    for start in _best(found):
+        begun = RowFits(start.sketch)
+        for item in position_faults(start.sketch):
+            faults = (*start.faults, item.fault)
+            if (item.fault.kind, item.fault.where) in start.key:
+                continue  # undone twice is as it was
+            if lead - _price(faults) > -odds or _with_merged(faults, item.sketch) > so_far.score - odds:
+                more += _readings(RowFits(item.sketch, begun), faults)
+    return more
 
 
 def _hypothesis(faults: tuple[Fault, ...], sketch: Sketch) -> Hypothesis:
