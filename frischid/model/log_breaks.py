@@ -24,6 +24,7 @@ import numpy as np
 
 from frischid.core.text import listed
 from frischid.core.types import Array
+from frischid.errors import IdentifiabilityError
 from frischid.estimators.map_estimate import MapEstimate
 from frischid.estimators.map_problem import MapProblem
 from frischid.model.alarms import LOG_CHANGES, Alarm, AlarmCriteria
@@ -90,8 +91,14 @@ def break_of(problem: Problem, log: LogMoments, fit: MapEstimate, share: Array) 
     before, after = np.cumsum(each[:-1], axis=0), np.cumsum(each[:0:-1], axis=0)[::-1]
 
     def error(part: Array) -> float:
-        """Weighted squared error of the fit to the rows with these weighted moments, (p + 1, p + 1)."""
-        x = whole.rows_of(part[:-1, :-1], part[:-1, -1], precision).solve()
+        """Weighted squared error of the fit to the rows with these weighted moments, (p + 1, p + 1).
+
+        Infinite where they do not determine the parameters.
+        """
+        try:
+            x = whole.rows_of(part[:-1, :-1], part[:-1, -1], precision).solve()
+        except IdentifiabilityError:
+            return np.inf
         theta = np.append(whole.A @ x, -1.0)
         return float(theta @ part @ theta)
 

@@ -19,6 +19,7 @@ from typing import NamedTuple
 import numpy as np
 
 from frischid.core.types import Array
+from frischid.errors import IdentifiabilityError
 from frischid.estimators.map_estimate import MapEstimate, effective_rows
 from frischid.estimators.map_problem import MapProblem
 from frischid.logs.log import Log
@@ -90,7 +91,8 @@ def surprise_of_both(problem: Problem, whole_fit: MapEstimate, share: Array, one
 
     Of `one` to a fit to `other`, and the reverse: a part may show an effect that the other part hardly shows. Then the
     other part does not explain this one, but a fit to this part explains the other one. And of both parts to the fit to
-    all logs, beside a fit to each: where one fit explains both as well as two, there are no two robots.
+    all logs, beside a fit to each: where one fit explains both as well as two, there are no two robots. A part that
+    does not determine the parameters is no surprise.
 
     Parameters
     ----------
@@ -102,7 +104,10 @@ def surprise_of_both(problem: Problem, whole_fit: MapEstimate, share: Array, one
         Moments of both parts.
     """
     rows = one.counts + other.counts
-    fits = [_fit(MapProblem(part, problem.reduction.mapping, whole_fit.prior), whole_fit) for part in (one, other)]
+    try:
+        fits = [_fit(MapProblem(part, problem.reduction.mapping, whole_fit.prior), whole_fit) for part in (one, other)]
+    except IdentifiabilityError:  # a few samples without noise: what they leave open, they cannot speak against
+        return np.zeros(len(rows))
     crossed = [surprise(share, held, fit) for held, fit in zip((other, one), fits, strict=True)]
     apart = (one.counts * fits[0].variance + other.counts * fits[1].variance) / np.maximum(rows, 1.0)
     together = (one.residual_ss(whole_fit.theta) + other.residual_ss(whole_fit.theta)) / np.maximum(rows, 1.0)
