@@ -5,11 +5,10 @@ from __future__ import annotations
 from frischid.core.text import listed, percent
 from frischid.diagnosis.result import Diagnosis
 from frischid.diagnosis.rivals import beside, cause_of
-from frischid.model.alarms import FAULTY_LOG, LOG_CHANGES, LOGS_DISAGREE
+from frischid.model.alarms import FAULTY_LOG, LOGS_DISAGREE
 
 PRESUMED = {
     FAULTY_LOG: "a log has the fault that the alarm names",
-    LOG_CHANGES: "the robot changes in the middle of a log, as the alarm says",
     LOGS_DISAGREE: "the robot changed between the fitted logs, as the alarm says",
 }
 """Alarm -> what explains the error otherwise, so each verdict presumes that it is not so."""

@@ -39,7 +39,7 @@ from frischid.diagnosis.cross_validation import CrossValidator
 from frischid.diagnosis.effect_findings import find_effects, refit_finding
 from frischid.diagnosis.floor import Floor
 from frischid.diagnosis.hypotheses import Evidence, evidence_of
-from frischid.diagnosis.model_notes import change_in_tests, delay_in, limit_in, touch_in, untried
+from frischid.diagnosis.model_notes import delay_in, limit_in, touch_in, untried
 from frischid.diagnosis.probability import probabilities
 from frischid.diagnosis.residual_formula import describe
 from frischid.diagnosis.result import Diagnosis
@@ -176,7 +176,6 @@ def diagnose(
     still = standstill_note([name for name in model.joints if name not in judged])
     said = [still, *said_of(model, logs), *(part.said for part in parts)]
     said += [delay_in(model), touch_in(model, logs, found.contacts), limit_in(model, logs, found.limits)]
-    said += [change_in_tests(found.headline, valid, state)]
     said += untried(model, effects or (), state, validator.data.cache.channels)
     return replace(found, notes=(*found.notes, *filter(None, said)))
 

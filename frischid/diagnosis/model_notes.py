@@ -3,7 +3,6 @@
 from __future__ import annotations
 
 from collections.abc import Collection, Sequence
-from pathlib import Path
 
 from frischid.core.text import listed
 from frischid.diagnosis.contacts import Contact
@@ -13,8 +12,6 @@ from frischid.diagnosis.torque_limits import TorqueLimit
 from frischid.effects import EFFECTS, columns_of
 from frischid.logs.log import Log
 from frischid.logs.recording import Recording
-from frischid.model.comparison_alarms import UNLIKE
-from frischid.model.headline import Headline
 from frischid.model.model import Model
 
 TOUCHED = (
@@ -46,18 +43,6 @@ def limit_in(model: Model, logs: Sequence[Log | Recording], limits: Sequence[Tor
     """A note that the model was fitted to logs with torques at their limit; empty where it was not."""
     cut = {source for limit in limits for source, _, _ in limit.stretches}
     return AT_LIMIT if any(log.source in cut and model.made_from(log) for log in logs) else ""
-
-
-def change_in_tests(error: Headline, tests: Sequence[Log | Recording], situation: Situation) -> str:
-    """A note that nobody looked for the change that an alarm finds on the test logs; empty without such an alarm."""
-    unlike = any(alarm.id == UNLIKE for alarm in error.alarms)
-    if not unlike or not tests or situation == "changed":
-        return ""
-    names = listed([Path(log.source).name for log in tests])
-    return (
-        f"the alarm {UNLIKE} is about {names}, and test logs select nothing: to find the change there, run frischid "
-        f"diagnose with the model and {names} alone"
-    )
 
 
 def untried(model: Model, effects: Sequence[str], situation: Situation, channels: Collection[str]) -> list[str]:

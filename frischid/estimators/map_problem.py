@@ -57,10 +57,6 @@ class MapProblem:
         if less is not None:
             left_out = less.weighted(weights)
             moments, torque = moments - left_out[:-1, :-1], torque - left_out[:-1, -1]
-        return self.rows_of(moments, torque, precision)
-
-    def rows_of(self, moments: Array, torque: Array, precision: Array) -> WeightedRows:
-        """Some samples and the prior as rows: weighted moments of the columns, (p, p), and with the torque, (p,)."""
         root, target = _square_root(moments, torque)
         of_prior = np.sqrt(precision)
         return WeightedRows.of(

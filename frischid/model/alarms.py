@@ -133,9 +133,8 @@ class Alarm:
 
 FAULTY_LOG = "faulty-log"
 LEFT_OPEN = "log-leaves-open"
-LOG_CHANGES = "log-changes"
 LOGS_DISAGREE = "logs-disagree"
-CAUSES = (FAULTY_LOG, LOG_CHANGES, LOGS_DISAGREE, "log-too-short")
+CAUSES = (FAULTY_LOG, LOGS_DISAGREE, "log-too-short")
 """Alarms of the logs themselves: whatever else is wrong may follow from them, so they come first."""
 
 

@@ -37,7 +37,6 @@ from frischid.model.fit_record import LEVELS, FitRecord
 from frischid.model.identification_stages import Fit, Problem
 from frischid.model.joint_inertia import least_inertia
 from frischid.model.log_agreement import disagreeing_logs
-from frischid.model.log_breaks import changing_logs
 from frischid.model.log_faults import faulty_logs
 from frischid.model.log_moments import moments_by_log
 from frischid.model.model import Model
@@ -113,7 +112,6 @@ def fit_alarms(
         *too_short(problem.data.summary.seconds, criteria),
         *never_moving(still),
         *faulty_logs(_harmful(problem.data.journal.faults, errors, there, criteria)),
-        *changing_logs(problem, logs, posterior, _share(model), criteria),
         *disagreeing_logs(problem, logs, posterior, _share(model), criteria),
         *as_one(
             wrong_signs([*posterior.contradicted, *_negative_rotors(posterior)], criteria, _values(fit)),

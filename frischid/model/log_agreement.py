@@ -21,12 +21,13 @@ from frischid.estimators.map_estimate import MapEstimate
 from frischid.model.alarms import LOGS_DISAGREE, Alarm, AlarmCriteria
 from frischid.model.comparison_alarms import times_of
 from frischid.model.identification_stages import Problem
-from frischid.model.log_moments import LogMoments, surprise_of_both
+from frischid.model.log_moments import surprise_of_both
 from frischid.regression.moment_blocks import total
+from frischid.regression.moments import Gram
 
 
 def disagreeing_logs(
-    problem: Problem, logs: Mapping[str, LogMoments], fit: MapEstimate, share: Array, criteria: AlarmCriteria
+    problem: Problem, logs: Mapping[str, Gram], fit: MapEstimate, share: Array, criteria: AlarmCriteria
 ) -> list[Alarm]:
     """The alarm that some of the fitted logs are not of the robot of the others; empty for one log.
 
@@ -59,10 +60,9 @@ def disagreeing_logs(
     ]
 
 
-def surprises(problem: Problem, logs: Mapping[str, LogMoments], fit: MapEstimate, share: Array) -> dict[str, Array]:
+def surprises(problem: Problem, logs: Mapping[str, Gram], fit: MapEstimate, share: Array) -> dict[str, Array]:
     """Log -> measured error over expected error of each joint (J,): the smallest of three (`surprise_of_both`)."""
     if len(logs) < 2:
         return {}
-    moments = {name: total(log.blocks) for name, log in logs.items()}
-    every = total(moments.values())
-    return {name: surprise_of_both(problem, fit, share, log, every - log) for name, log in moments.items()}
+    every = total(logs.values())
+    return {name: surprise_of_both(problem, fit, share, log, every - log) for name, log in logs.items()}

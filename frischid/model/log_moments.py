@@ -1,4 +1,4 @@
-"""Moments of each fitted log in blocks of time, and how surprising some of them are to a fit to others.
+"""Moments of each fitted log, and how surprising those of some logs are to a fit to others.
 
 With a fit to some rows, their residual variance σ_j² and the covariance C of the parameters, the error to expect on
 other rows is that of every motion (`frischid.model.expected_error`),
@@ -7,13 +7,12 @@ other rows is that of every motion (`frischid.model.expected_error`),
 
 with the share m_j of C that is the model's own error. The *surprise* is the measured error over ε_j.
 
-The fits keep the prior and its scales of the fit to all rows. Parameters, noise and κ are found again: a part of a log
-shows fewer shapes of motion than the whole.
+The fits keep the prior and its scales of the fit to all rows. Parameters, noise and κ are found again: some logs show
+fewer shapes of motion than all.
 """
 
 from __future__ import annotations
 
-from dataclasses import dataclass
 from typing import NamedTuple
 
 import numpy as np
@@ -22,30 +21,17 @@ from frischid.core.types import Array
 from frischid.errors import IdentifiabilityError
 from frischid.estimators.map_estimate import MapEstimate, effective_rows
 from frischid.estimators.map_problem import MapProblem
-from frischid.logs.log import Log
 from frischid.logs.preprocessing import Motion
 from frischid.model.comparison_alarms import SMALLEST_ERROR
 from frischid.model.identification_stages import Problem
 from frischid.regression.accumulation import accumulate
-from frischid.regression.moment_blocks import Blocks
+from frischid.regression.moment_blocks import total
 from frischid.regression.moments import Gram
 
-STRETCHES = 32
-"""Stretches of a log, at the ends of which it may be cut: the moment of a change is known to a thirtieth of the log."""
 NOISE_ROUNDS = 6
 """Most iterations of parameters and noise, as many as `friction_alone` makes."""
 NOISE_FOUND = 0.01
 """Relative change of the variances below which the noise is found: half a percent of an error whose limit is 3."""
-
-
-@dataclass(frozen=True, eq=False)
-class LogMoments:
-    """Moments of one log."""
-
-    blocks: Blocks
-    """Of consecutive stretches of time, `STRETCHES` or a few more."""
-    starts: Array
-    """Time since the log's first sample at which each block begins, s, (B,)."""
 
 
 class PartFit(NamedTuple):
@@ -56,34 +42,23 @@ class PartFit(NamedTuple):
     variance: Array
 
 
-def moments_by_log(problem: Problem) -> dict[str, LogMoments]:
+def moments_by_log(problem: Problem) -> dict[str, Gram]:
     """Log -> its moments; without logs in which no joint has a torque row.
 
     Logs of poses are left out: dry friction may hold any torque up to its own size there.
     """
-    data, base = problem.data, problem.reduction.base
+    data, reduction = problem.data, problem.reduction
     motions: dict[str, list[Motion]] = {}
     for motion in data.some_motions:
         if not motion.at_poses:
             motions.setdefault(motion.source, []).append(motion)
-    first = {log.source: float(log.t[0]) for log in data.logs if isinstance(log, Log)}
+    if len(motions) < 2:
+        return {}
     found = {}
     for name, own in motions.items():
-        seconds = sum(float(motion.t[-1] - motion.t[0]) for motion in own)
-        blocks, starts, stretch = Blocks(), list[float](), (own[-1].t[-1] - own[0].t[0]) / STRETCHES
-        for motion in own:
-            some = accumulate(problem.regressor, [motion], data.lowpass, data.joints, seconds=seconds, base=base)
-            within = np.linspace(motion.t[0], motion.t[-1], len(some), endpoint=False)  # taken to be of one length
-            for block, start in zip(some.packed(), within.tolist(), strict=True):
-                if starts and start < starts[-1] + stretch:
-                    blocks.merge(block)
-                else:
-                    blocks.append(block)
-                    starts.append(start)
-        if blocks.counts.any():
-            since = np.array(starts) - first.get(name, own[0].t[0])
-            found[name] = LogMoments(blocks.described(problem.reduction.base_columns()), since)
-    return found
+        blocks = accumulate(problem.regressor, own, data.lowpass, data.joints, base=reduction.base)
+        found[name] = total(blocks.described(reduction.base_columns()))
+    return {name: log for name, log in found.items() if log.rows}
 
 
 def surprise_of_both(problem: Problem, whole_fit: MapEstimate, share: Array, one: Gram, other: Gram) -> Array:

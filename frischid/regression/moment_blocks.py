@@ -8,7 +8,7 @@ log reads the log again.
 
 from __future__ import annotations
 
-from collections.abc import Iterable, Iterator, Sequence
+from collections.abc import Iterable, Sequence
 from dataclasses import replace
 from functools import reduce
 from typing import overload
@@ -66,10 +66,6 @@ class Blocks(Sequence[Gram]):
             found._keep(reduce(_sum, self._kept[start : start + size]))
             start += size
         return found
-
-    def packed(self) -> Iterator[Gram | PackedGram]:
-        """Each block as it is kept."""
-        return iter(self._kept)
 
     def select(self, indices: Sequence[int]) -> Blocks:
         """Keep the columns at `indices` (and the torque)."""

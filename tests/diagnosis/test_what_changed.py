@@ -269,12 +269,3 @@ def test_changed_friction_alone_has_no_rivals_that_contain_it(machine):
     found = diagnose_in_roles(model, [replace(log, tau=tau, source="later")])
     assert [e.id for e in found.findings[0].members] == ["friction_change"]
     assert found.findings[0].probability > 0.8
-
-
-def test_a_change_on_test_logs_is_said_where_nobody_looked_for_it():
-    """The alarm asked for a diagnosis of these logs, and this diagnosis said that no effect is missing."""
-    own, new = log_of(1, ""), log_of(2, SPRING, ks2=3.0)
-    model = identify(PLANAR2, [own], recursion="none").model
-    found = fr.diagnose(model, [own], valid=[new], effects=["joint_spring"])
-    assert any("is about log 2, and test logs select nothing" in note for note in found.notes)
-    assert not any("test logs select nothing" in note for note in fr.diagnose(model, [own], effects=["offset"]).notes)
