@@ -2,13 +2,15 @@
 
 import xml.etree.ElementTree as ET
 from itertools import cycle
+from types import SimpleNamespace
 
 import numpy as np
 import pytest
 
 import frischid as fr
+from frischid.diagnosis.clause import on_condition
 from frischid.model import log_moments
-from frischid.model.alarms import LOGS_DISAGREE
+from frischid.model.alarms import FAULTY_LOG, LOGS_DISAGREE
 
 NOISE = fr.Noise(q=1e-5, tau=0.02)
 LOADED = {"m2": 3.0, "mx2": 1.0}
@@ -74,3 +76,12 @@ def test_the_torques_may_be_as_small_as_those_of_a_watch(arm, tmp_path):
         for robot, logs in ((arm, [log_of(arm, 1), log_of(arm, 2, **LOADED)]), (watch, of_the_watch))
     ]
     assert ratios[1] == pytest.approx(ratios[0], rel=0.05)
+
+
+def test_a_verdict_beside_such_logs_presumes_what_the_alarms_say():
+    found = [SimpleNamespace(id=name) for name in (LOGS_DISAGREE, FAULTY_LOG, "impossible-sign")]
+    diagnosis = SimpleNamespace(headline=SimpleNamespace(alarms=found))
+    assert on_condition(diagnosis, "An effect is missing") == (
+        "Unless a log has the fault that the alarm names or the robot changed between the fitted logs, as the alarm "
+        "says, an effect is missing"
+    )
