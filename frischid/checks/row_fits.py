@@ -13,6 +13,7 @@ from __future__ import annotations
 import math
 from dataclasses import dataclass, field, replace
 from functools import cached_property
+from typing import NamedTuple
 
 import numpy as np
 from scipy.optimize import nnls
@@ -121,16 +122,14 @@ class RowFits:
         return float(norm / np.sqrt(len(y))), float(x[0])
 
     def value(self, k: int, error: float) -> float:
-        """Log-likelihood of row k; below the error that URDFs have anyway, less error is worth nothing."""
-        floor = self.criteria.urdf_error
+        """Log-likelihood of row k; below the error that URDFs have anyway, less error is worth little."""
         capped = min(error, self.criteria.nrmse_cap)
-        return -0.5 * float(self.weight[k]) * math.log(capped**2 + floor**2)
+        return -0.5 * float(self.weight[k]) * math.log(capped**2 + self.criteria.urdf_error**2)
 
     def values(self, errors: Array) -> Array:
-        """Log-likelihoods of rows (R, ...) with these errors."""
+        """`value` of each row with each torque column, for errors (R, R): [row, column]."""
         capped = np.minimum(errors, self.criteria.nrmse_cap)
-        weight = self.weight.reshape(-1, *[1] * (errors.ndim - 1))
-        return np.asarray(-0.5 * weight * np.log(capped**2 + self.criteria.urdf_error**2))
+        return np.asarray(-0.5 * self.weight[:, None] * np.log(capped**2 + self.criteria.urdf_error**2))
 
     def readings(self, k: int, factor: float, simple: bool) -> list[Option]:
         """Readings of torque column k times a factor, whose sign is right."""
@@ -187,12 +186,12 @@ def _rows(fits: RowFits, factor: float, base: tuple[Fault, ...], simple: bool) -
     springs = {}
     free = set(range(len(fits.rows)))
     exchanges = _exchanges(fits, factor, [x.score for x in best])
-    for gain, i, k, exchange in sorted(exchanges, key=lambda x: -x[0]):
+    for gain, (i, k), exchanged, fault in sorted(exchanges, key=lambda x: -x.gain):
         if gain <= 0 or not {i, k} <= free:
             continue
         score += gain
-        faults += exchange.faults
-        errors[i], errors[k] = exchange.tau
+        faults.append(fault)
+        errors[i], errors[k] = exchanged
         corrected[:, [fits.rows[i], fits.rows[k]]] = factor * fits.sketch.tau[:, [fits.rows[k], fits.rows[i]]]
         free -= {i, k}
     for k in sorted(free):
@@ -212,17 +211,22 @@ def _with_torque(fits: RowFits, k: int, option: Option) -> tuple[Fault, ...]:
     return (*option.faults[:-1], replace(option.faults[-1], torque=torque))
 
 
-def _exchanges(fits: RowFits, factor: float, scores: list[float]) -> list[tuple[float, int, int, Option]]:
-    """Pairs of torque columns that may gain by an exchange: the gain, the two rows, the exchange."""
+class Exchange(NamedTuple):
+    """Two torque columns exchanged: the score that this gains, the two rows and their errors, the fault."""
+
+    gain: float
+    rows: tuple[int, int]
+    errors: tuple[float, float]
+    fault: Fault
+
+
+def _exchanges(fits: RowFits, factor: float, scores: list[float]) -> list[Exchange]:
+    """Pairs of torque columns that may gain by an exchange."""
     if len(fits.rows) < 2:
         return []
     most = fits.values(fits.least_errors(factor)) - np.array(scores)[:, None]
     promising = np.triu(most + most.T > _price_of_exchange(fits), 1)
-    found = []
-    for i, k in np.argwhere(promising).tolist():
-        exchange = _exchange(fits, i, k, factor)
-        found.append((exchange.score - scores[i] - scores[k], i, k, exchange))
-    return found
+    return [_exchange(fits, i, k, factor, scores[i] + scores[k]) for i, k in np.argwhere(promising).tolist()]
 
 
 def _price_of_exchange(fits: RowFits) -> float:
@@ -230,8 +234,8 @@ def _price_of_exchange(fits: RowFits) -> float:
     return cost(fits.criteria, "swapped torques", R * (R - 1) // 2)
 
 
-def _exchange(fits: RowFits, i: int, k: int, factor: float) -> Option:
-    """Two torque columns exchanged; the option's `tau` holds the two errors."""
+def _exchange(fits: RowFits, i: int, k: int, factor: float, before: float) -> Exchange:
+    """The columns of two rows exchanged, against the score of the best readings of both as they are."""
     pair, tau = (fits.names[i], fits.names[k]), fits.sketch.tau
     spread_i, spread_k = abs(factor) * fits.spreads[[i, k], [k, i]]
     errors = (
@@ -246,8 +250,8 @@ def _exchange(fits: RowFits, i: int, k: int, factor: float) -> Option:
         _price_of_exchange(fits),
         fix=((pair[0], "tau", pair[1]), (pair[1], "tau", pair[0])),
     )
-    score = fits.value(i, errors[0]) + fits.value(k, errors[1]) - fault.cost
-    return Option(score, max(errors), (fault,), np.array(errors))
+    gain = fits.value(i, errors[0]) + fits.value(k, errors[1]) - fault.cost - before
+    return Exchange(gain, (i, k), errors, fault)
 
 
 def _options(fits: RowFits, k: int, factor: float, simple: bool) -> list[Option]:

@@ -38,7 +38,6 @@ from frischid.model.identification_stages import Fit, Problem
 from frischid.model.joint_inertia import least_inertia
 from frischid.model.log_agreement import disagreeing_logs
 from frischid.model.log_faults import faulty_logs
-from frischid.model.log_moments import moments_by_log
 from frischid.model.model import Model
 from frischid.model.physical_alarms import as_one, indefinite_mass, wrong_signs
 from frischid.regression.block import Samples
@@ -101,7 +100,7 @@ def fit_alarms(
         Of the model on the fitted logs.
     """
     problem, criteria = fit.problem, fit.problem.data.options.alarm_criteria
-    posterior, record, logs = _posterior(fit), model.fitted, moments_by_log(problem)
+    posterior, record = _posterior(fit), model.fitted
     spread = np.zeros(len(model.joints)) if record is None else record.spread
     currents = problem.data.options.currents
     found = [
@@ -112,7 +111,7 @@ def fit_alarms(
         *too_short(problem.data.summary.seconds, criteria),
         *never_moving(still),
         *faulty_logs(_harmful(problem.data.journal.faults, errors, there, criteria)),
-        *disagreeing_logs(problem, logs, posterior, _share(model), criteria),
+        *disagreeing_logs(problem, posterior, _share(model), criteria),
         *as_one(
             wrong_signs([*posterior.contradicted, *_negative_rotors(posterior)], criteria, _values(fit)),
             indefinite_mass(model, least_inertia(model, map(_poses, problem.data.motions)), "fitted poses", criteria),

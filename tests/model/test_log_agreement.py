@@ -9,7 +9,7 @@ import pytest
 
 import frischid as fr
 from frischid.diagnosis.clause import on_condition
-from frischid.model import log_moments
+from frischid.model import log_agreement
 from frischid.model.alarms import FAULTY_LOG, LOGS_DISAGREE
 
 NOISE = fr.Noise(q=1e-5, tau=0.02)
@@ -58,7 +58,7 @@ def test_logs_of_one_robot_with_an_effect_that_the_model_lacks_agree(arm):
 
 def test_a_log_that_shows_more_than_the_others_but_explains_them_is_no_alarm(arm, monkeypatch):
     ratios = cycle([np.array([9.0, 9.0]), np.array([1.0, 1.2])])
-    monkeypatch.setattr(log_moments, "surprise", lambda *_: next(ratios))
+    monkeypatch.setattr(log_agreement, "surprise", lambda *_: next(ratios))
     assert disagreement(arm, [log_of(arm, 1), log_of(arm, 2)]) == []
 
 
