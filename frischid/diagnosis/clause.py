@@ -20,7 +20,7 @@ def missing(diagnosis: Diagnosis) -> str:
     also = f"; probably also missing: {listed([f.title for f in more])}" if more else ""
     changed = "; assumed: the robot changed since it was identified" if diagnosis.situation == "changed" else ""
     # Without an effect, the remainder says so.
-    further = "" if diagnosis.verdict == "none" else f"{_before(diagnosis)}{_at_limits(diagnosis)}"
+    further = "" if diagnosis.verdict == "none" else f"{_before(diagnosis)}{_for_a_while(diagnosis)}"
     return on_condition(diagnosis, f"{_first(diagnosis)}{also}{changed}{further}")
 
 
@@ -31,8 +31,8 @@ def _before(diagnosis: Diagnosis) -> str:
     return f"; the model's own logs already show {listed(named)}" if named else ""
 
 
-def _at_limits(diagnosis: Diagnosis) -> str:
-    return f"; {diagnosis.limited} (left out of the search)" if diagnosis.limits else ""
+def _for_a_while(diagnosis: Diagnosis) -> str:
+    return f"; {diagnosis.for_a_while} (left out of the search)" if diagnosis.for_a_while else ""
 
 
 def on_condition(diagnosis: Diagnosis, said: str) -> str:
