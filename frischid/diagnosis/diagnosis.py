@@ -26,6 +26,7 @@ from frischid.core.arguments import check_kind
 from frischid.core.parallel import Workers
 from frischid.core.text import shortened
 from frischid.core.threads import on_one_thread
+from frischid.core.types import Array
 from frischid.diagnosis.carried_loads import find_load
 from frischid.diagnosis.contacts import (
     Contact,
@@ -38,6 +39,8 @@ from frischid.diagnosis.contacts import (
 from frischid.diagnosis.criteria import DIAGNOSIS_CRITERIA, DiagnosisCriteria
 from frischid.diagnosis.cross_validation import CrossValidator
 from frischid.diagnosis.effect_findings import find_effects, refit_finding
+from frischid.diagnosis.effect_ranking import Ranking
+from frischid.diagnosis.findings import Finding
 from frischid.diagnosis.floor import Floor
 from frischid.diagnosis.hypotheses import Evidence, evidence_of
 from frischid.diagnosis.model_notes import delay_in, limit_in, load_in, touch_in, untried
@@ -271,22 +274,22 @@ def stages(
     progress: Callable[[str], None],
 ) -> StageResults:
     """A load, torques at their limit, contacts, findings, and a term outside the catalogue that explains far more."""
-    contacts = find_contacts(validator, floor.noise)
-    findings, ranking, noise = find_effects(validator, floor, situation, effects, progress)
-    load, carried = None, find_load(validator, ranking.full, noise)
+
+    def search(fit: CrossValidator) -> tuple[list[Finding], Ranking, Array]:
+        return find_effects(fit, floor, situation, effects, progress)
+
+    contacts, load = find_contacts(validator, floor.noise), None
+    findings, ranking, noise = search(validator)
+    carried = find_load(validator, ranking.full, noise, search)
     if carried is not None:
-        progress("again without the times with the load, or those without")
-        found = find_effects(carried.rest, floor, situation, effects, progress)
-        load = carried.beside(found[1].full)
-        if load is not None:
-            validator, (findings, ranking, noise) = carried.rest, found
-            contacts = find_contacts(validator, floor.noise)
+        load, validator, (findings, ranking, noise) = carried
+        contacts = find_contacts(validator, floor.noise)
     limits = find_limits(validator, ranking.full, noise)
     if limits:
         progress("again without torques at their limit")
         validator = validator.without(beyond_limits(validator, limits))
         contacts = find_contacts(validator, floor.noise)
-        findings, ranking, noise = find_effects(validator, floor, situation, effects, progress)
+        findings, ranking, noise = search(validator)
     if contacts:
         rest = validator.without(stretches(contacts))
         if made_by_something_steady(validator, rest, findings):
@@ -294,7 +297,7 @@ def stages(
         else:
             progress("again without the contacts")
             validator = rest
-            findings, ranking, noise = find_effects(rest, floor, situation, effects, progress)
+            findings, ranking, noise = search(rest)
     least = floor.without_effects(noise)
     unmodelled = None if contacts else unmodelled_term(ranking, noise, least)
     return StageResults(
