@@ -29,7 +29,7 @@ from frischid.diagnosis.cross_validation import CrossValidator
 from frischid.diagnosis.effect_ranking import Ranking
 from frischid.diagnosis.findings import Finding
 from frischid.diagnosis.floor import asks_for_explanation
-from frischid.diagnosis.load_states import States, best_stretch, settled_states, weighs, while_carried
+from frischid.diagnosis.load_states import States, first_states, settled_states, weighs, while_carried
 from frischid.diagnosis.stretches import Stretch, in_words, plain, reach_of_a_step, wider
 from frischid.effects import Payload
 
@@ -190,7 +190,7 @@ def _first(validator: CrossValidator, full: CrossValidator, noise: Array) -> Loa
         return None
     bodies = [Payload((name,)) for name in validator.model.robot.joints]
     found = [c for c in validator.candidates(bodies) if c.finite and c.columns]
-    first = [best_stretch(validator, body) for body in found]
+    first = [first_states(validator, body) for body in found]
     if not first:
         return None
     body, (_, states) = max(zip(found, first, strict=True), key=lambda x: x[1][0])
