@@ -42,7 +42,7 @@ from frischid.checks.sketch import Sketch
 from frischid.core.types import Array
 
 POSITION_KINDS = ("position sign", "swapped positions", "swapped joints", "joint zero", "degrees")
-SHARED_KINDS = ("mounting", "no gravity", "payload")
+SHARED_KINDS = ("mounting", "no gravity", "payload", "carried load")
 ROBOT_KINDS = (*SHARED_KINDS, "motor coupling")
 LINK_ERRORS = (0.1, 0.2, 0.4)
 """Errors of links in URDFs (masses, and also centres of mass and inertias), standard deviations as shares of the
