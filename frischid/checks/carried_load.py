@@ -79,7 +79,7 @@ def _first(sketch: Sketch, Y: Array) -> NDArray[np.bool_]:
     cross, left = np.zeros((len(starts), FRICTION_NUMBERS * R, k)), np.zeros((len(starts), k))
     own = np.zeros((len(starts), k, k))
     for row, j in enumerate(sketch.rows):
-        use = sketch.used[:, j, None] / sketch.spread[row]
+        use = sketch.motion.uses(int(j))[:, None] / sketch.spread[row]
         C, y = Y[:, :, j] * use, (sketch.tau[:, j] - sketch.nominal[:, j])[:, None] * use
         Q, _ = np.linalg.qr(sketch.motion.friction(j)[:, :FRICTION_NUMBERS] * use)
         y = y - Q @ (Q.T @ y)
@@ -97,7 +97,7 @@ def _likeliest(fits: RowFits, body: Array, states: NDArray[np.bool_]) -> NDArray
     sketch, gain = fits.sketch, np.zeros(len(fits.sketch))
     loaded = sketch.nominal + body * states[:, None]
     for row, (j, noise) in enumerate(zip(sketch.rows, sketch.errors(loaded), strict=True)):
-        use = sketch.used[:, j]
+        use = sketch.motion.uses(int(j))
         F = sketch.motion.friction(j)[:, :FRICTION_NUMBERS]
         error = sketch.tau[:, j] - loaded[:, j]
         error = error - F @ np.linalg.lstsq(F[use], error[use], rcond=None)[0]
