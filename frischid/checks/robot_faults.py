@@ -24,6 +24,9 @@ from frischid.checks.row_fits import RowFits
 from frischid.checks.sketch import Sketch, shared_fit
 from frischid.core.types import Array
 
+CARRIED_LOAD = "carried load"
+"""Kind of the fault that the robot carries a body for a part of the log."""
+
 SPHERE_STEPS = 3
 """Gauss-Newton steps of the direction of gravity; the first is within a degree."""
 
@@ -77,8 +80,8 @@ def _carried(fits: RowFits, n: float) -> Iterator[Moved]:
         "keep a part of the log without the load, or with the load throughout (frischid cut LOG --from START --until "
         "STOP): one model cannot hold both"
     )
-    price = cost(sketch.criteria, "carried load", len(sketch) ** body.changes, 10, n)
-    fault = Fault("carried load", what, (body.joint,), advice, price, True, False, torque=body.torque)
+    price = cost(sketch.criteria, CARRIED_LOAD, len(sketch) ** body.changes, 10, n)
+    fault = Fault(CARRIED_LOAD, what, (body.joint,), advice, price, True, False, torque=body.torque)
     yield Moved(replace(sketch, given_nominal=sketch.nominal + body.torque), fault)
 
 

@@ -58,11 +58,11 @@ class CarriedLoad:
         """The body with its mass.
 
         >>> CarriedLoad("joint6", 1.4961, 0.0213, (), ()).words
-        'a load of 1.496 ± 0.021 kg behind joint6'
+        'a load of 1.496 ± 0.021 kg on the link behind joint6'
         """
         if self.mass is None or self.mass_error is None:
-            return f"a load behind {self.joint}"
-        return f"a load of {rounded(self.mass, self.mass_error)} kg behind {self.joint}"
+            return f"a load on the link behind {self.joint}"
+        return f"a load of {rounded(self.mass, self.mass_error)} kg on the link behind {self.joint}"
 
     def __str__(self) -> str:
         without = "" if self.left_out == self.stretches else "out"

@@ -2,10 +2,11 @@
 
 from __future__ import annotations
 
+from frischid.checks.robot_faults import CARRIED_LOAD
 from frischid.core.text import listed, percent
 from frischid.diagnosis.result import Diagnosis
 from frischid.diagnosis.rivals import beside, cause_of
-from frischid.model.alarms import FAULTY_LOG, LOGS_DISAGREE
+from frischid.model.alarms import FAULTY_LOG, LOGS_DISAGREE, Alarm
 
 PRESUMED = {
     FAULTY_LOG: "a log has the fault that the alarm names",
@@ -37,9 +38,15 @@ def _for_a_while(diagnosis: Diagnosis) -> str:
 
 def on_condition(diagnosis: Diagnosis, said: str) -> str:
     """A verdict in words, with what it presumes in front: effects explain the fault of a log, too, if only in part."""
-    found = {alarm.id for alarm in diagnosis.headline.alarms}
+    found = {alarm.id for alarm in diagnosis.headline.alarms if not _says_the_same(diagnosis, alarm)}
     named = " or ".join(words for alarm, words in PRESUMED.items() if alarm in found)
     return f"Unless {named}, {said[:1].lower()}{said[1:]}" if named else said
+
+
+def _says_the_same(diagnosis: Diagnosis, alarm: Alarm) -> bool:
+    """Whether an alarm names one fault of a log, the load that the diagnosis found too."""
+    only = alarm.id == FAULTY_LOG and alarm.value == 1.0 and f"({CARRIED_LOAD}, " in alarm.sentence
+    return only and diagnosis.load is not None
 
 
 def _first(diagnosis: Diagnosis) -> str:
