@@ -21,6 +21,7 @@ from frischid.core.types import Array
 from frischid.regression.two_states import best_stretch, likeliest_states
 
 _BLOCKS_OF_A_SKETCH = 50  # between whose ends the first stretch is sought
+_MASS_AND_MOMENT = 4  # first parameters of a link: they change the torque most
 _MOST_TOLD = 3  # stretches in a sentence
 _CHANGES_OF_STATES = 4  # turns; the states usually stay the same after two
 
@@ -72,15 +73,15 @@ def carried_body(fits: RowFits) -> CarriedBody | None:
 
 
 def _first(sketch: Sketch, Y: Array) -> NDArray[np.bool_]:
-    """The stretch in which a body explains most, beside each joint's own friction."""
-    M, k, R = len(sketch), Y.shape[1], len(sketch.rows)
+    """The stretch in which a mass and its first moment explain most, beside each joint's own friction."""
+    M, k, R = len(sketch), _MASS_AND_MOMENT, len(sketch.rows)
     ends = np.linspace(0, M, min(_BLOCKS_OF_A_SKETCH, M) + 1).astype(int)
     starts = ends[:-1]
     cross, left = np.zeros((len(starts), FRICTION_NUMBERS * R, k)), np.zeros((len(starts), k))
     own = np.zeros((len(starts), k, k))
     for row, j in enumerate(sketch.rows):
         use = sketch.motion.uses(int(j))[:, None] / sketch.spread[row]
-        C, y = Y[:, :, j] * use, (sketch.tau[:, j] - sketch.nominal[:, j])[:, None] * use
+        C, y = Y[:, :k, j] * use, (sketch.tau[:, j] - sketch.nominal[:, j])[:, None] * use
         Q, _ = np.linalg.qr(sketch.motion.friction(j)[:, :FRICTION_NUMBERS] * use)
         y = y - Q @ (Q.T @ y)
         place = slice(FRICTION_NUMBERS * row, FRICTION_NUMBERS * (row + 1))
