@@ -39,6 +39,7 @@ FAULT_COSTS = (
     ("torque scale", 5.0),
     ("spring", 6.0),
     ("motor coupling", 6.0),
+    ("carried load", 6.0),
     ("wrong robot", 6.0),
 )
 """Kinds of faults and their costs; `CheckCriteria.fault_costs` explains them."""

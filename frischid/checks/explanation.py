@@ -36,13 +36,13 @@ from frischid.checks.faults import Fault, cost
 from frischid.checks.other_links import evidence_of_other_links
 from frischid.checks.payload import LEAST_ERROR, evidence
 from frischid.checks.position_faults import JOINT_ZERO, joint_faults, merged, position_faults
-from frischid.checks.robot_faults import robot_faults, shared_errors, shared_faults
+from frischid.checks.robot_faults import CARRIED_LOAD, robot_faults, shared_errors, shared_faults
 from frischid.checks.row_fits import RowFits, local_fits
 from frischid.checks.sketch import Sketch
 from frischid.core.types import Array
 
 POSITION_KINDS = ("position sign", "swapped positions", "swapped joints", "joint zero", "degrees")
-SHARED_KINDS = ("mounting", "no gravity", "payload")
+SHARED_KINDS = ("mounting", "no gravity", "payload", CARRIED_LOAD)
 ROBOT_KINDS = (*SHARED_KINDS, "motor coupling")
 LINK_ERRORS = (0.1, 0.2, 0.4)
 """Errors of links in URDFs (masses, and also centres of mass and inertias), standard deviations as shares of the

@@ -84,20 +84,30 @@ def last_link(sketch: Sketch) -> Array:
 def payload_errors(sketch: Sketch) -> Body:
     """Fit a body on the last link."""
     few = sketch.thinned(sketch.criteria.few_samples)
-    robot, joint, Y = few.robot, last_joint(few.robot), last_link(few)
+    joint, Y = last_joint(few.robot), last_link(few)
     if Y.shape[1] < 10 or not len(few.rows):
         return Body(joint, 0.0, np.zeros(3), 0.0)
     phi = shared_fit(few, {int(j): Y[:, :, j] for j in few.rows}, few.tau - few.nominal)[:10]
     body = np.einsum("nck,c->nk", Y, phi)
     after = float(np.sum(few.errors(few.nominal + body) ** 2))
     before = float(np.sum(few.asis**2))
-    mass, centre = float(phi[0]), phi[1:4] / (phi[0] or 1.0)
-    masses = robot.nominal[0::10]
-    criteria, own = sketch.criteria, masses[robot.numbers[joint] - 1]
-    sensible = -criteria.missing_mass * own < mass < masses.sum() and np.linalg.norm(centre) < criteria.payload_reach
-    sensible = sensible and mass != 0.0 and determines_mass(Y[:, :, few.rows])  # 0: beside friction it is undetermined
     torque = body if len(few) == len(sketch) else None
-    return Body(joint, mass, centre, 1 - after / max(before, 1e-12) if sensible else 0.0, torque)
+    removed = 1 - after / max(before, 1e-12) if possible(few, Y, phi) else 0.0
+    return Body(joint, float(phi[0]), phi[1:4] / (phi[0] or 1.0), removed, torque)
+
+
+def possible(sketch: Sketch, columns: Array, body: Array) -> bool:
+    """Whether a body on the last link is possible, with its parameters (10,) and their columns (M, 10, J).
+
+    Its mass is no more than the robot's or, if it is missing, the link's; its centre is within reach, and the motion
+    determines the mass.
+    """
+    masses, criteria, mass = sketch.robot.nominal[0::10], sketch.criteria, float(body[0])
+    own = masses[sketch.robot.numbers[last_joint(sketch.robot)] - 1]
+    if mass == 0.0 or not -criteria.missing_mass * own < mass < masses.sum():  # 0: undetermined beside friction
+        return False
+    near = bool(np.linalg.norm(body[1:4] / mass) < criteria.payload_reach)
+    return near and determines_mass(columns[:, :, sketch.rows])
 
 
 def determines_mass(columns: Array) -> bool:

@@ -16,12 +16,16 @@ from itertools import combinations
 
 import numpy as np
 
+from frischid.checks.carried_load import carried_body
 from frischid.checks.faults import Fault, cost
 from frischid.checks.payload import CARRIED, LEFT_OFF, last_link, payload_errors
 from frischid.checks.position_faults import Moved
 from frischid.checks.row_fits import RowFits
 from frischid.checks.sketch import Sketch, shared_fit
 from frischid.core.types import Array
+
+CARRIED_LOAD = "carried load"
+"""Kind of the fault that the robot carries a body for a part of the log."""
 
 SPHERE_STEPS = 3
 """Gauss-Newton steps of the direction of gravity; the first is within a degree."""
@@ -37,7 +41,7 @@ def robot_faults(sketch: Sketch) -> Iterator[Moved]:
 
 
 def shared_faults(fits: RowFits) -> Iterator[Moved]:
-    """The causes that all torques show: a tilted base, no gravity, a body on the last link."""
+    """The causes that all torques show: a tilted base, no gravity, a body on the last link, always or for a while."""
     sketch, n = fits.sketch, float(fits.weight.mean())
     yield from _mounting(sketch, n)
     yield from _compensated(sketch)
@@ -48,6 +52,7 @@ def shared_faults(fits: RowFits) -> Iterator[Moved]:
         price = cost(sketch.criteria, "payload", 1, 10, n)
         fault = Fault("payload", what, (body.joint,), advice, price, False, False, torque=body.torque)
         yield Moved(replace(sketch, given_nominal=sketch.nominal + body.torque), fault)
+    yield from _carried(fits, n)
 
 
 def shared_errors(sketch: Sketch) -> Array:
@@ -60,6 +65,24 @@ def shared_errors(sketch: Sketch) -> Array:
     for j, X in columns.items():
         nominal[:, j] += X @ fitted
     return sketch.errors(nominal)
+
+
+def _carried(fits: RowFits, n: float) -> Iterator[Moved]:
+    """A body that the last link carries for a while: each change may be at any sample."""
+    sketch, body = fits.sketch, carried_body(fits)
+    if body is None:
+        return
+    what = (
+        f"{{|perhaps }}a body of about {body.mass:.2g} kg on the last link for a part of the log, "
+        f"{body.times(sketch)}: {{the robot takes|as if the robot took}} a load and puts it down"
+    )
+    advice = (
+        "keep a part of the log without the load, or with the load throughout (frischid cut LOG --from START --until "
+        "STOP): one model cannot hold both"
+    )
+    price = cost(sketch.criteria, CARRIED_LOAD, len(sketch) ** body.changes, 10, n)
+    fault = Fault(CARRIED_LOAD, what, (body.joint,), advice, price, True, False, torque=body.torque)
+    yield Moved(replace(sketch, given_nominal=sketch.nominal + body.torque), fault)
 
 
 def _mounting(sketch: Sketch, n: float) -> Iterator[Moved]:

@@ -59,6 +59,8 @@ class Sketch:
     """Rigid torque that replaces the URDF's, for a hypothesis about the rigid torque, (M, J), or None."""
     earlier: float = 0.0
     """Time by which the torques were moved to earlier times, s: see `moved_earlier`."""
+    start: float = 0.0
+    """Time of the log's first sample, s, before the filter took the ends away."""
 
     @classmethod
     def of(
@@ -100,7 +102,8 @@ class Sketch:
         known = np.isfinite(tau).all(axis=0) & (np.ptp(tau, axis=0) > DEAD_TORQUE)
         ok = (known & clear & (used.sum(axis=0) > criteria.fewest_moving))[index]
         moving = SketchMotion(robot, q, v, a, sign, used, criteria.fewest_moving)
-        sketch = cls(moving, t, tau, index[ok], np.sqrt(noise / samples), ends, criteria)
+        start = float(motions[0].t[0])
+        sketch = cls(moving, t, tau, index[ok], np.sqrt(noise / samples), ends, criteria, start=start)
         return sketch.thinned(criteria.sketch_samples)
 
     def thinned(self, most: int) -> Sketch:

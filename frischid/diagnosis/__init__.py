@@ -7,7 +7,8 @@ Comes in: a model and logs. Goes out: findings with evidence, a verdict, and bet
 2. `situation`: did the robot change after its model was identified? `change_prior`: the prior of either case.
 3. `cross_validation` (`dataset`, `model_columns`, `weighted_fit`): the model's cross-validated error, fold by fold.
 4. `contacts` (`robust_fit`): stretches of time in which something touched the robot are left out. `torque_limits`: so
-   are those in which a drive or a sensor is at its limit.
+   are those in which a drive or a sensor is at its limit. `carried_loads` (`load_states`): the robot takes a load
+   within a log; the times with the load are left out, or those without.
 5. `findings` (`shape_screening`, `scored_candidate`, `symmetric_shifts`, `block_test`, `shape_refinement`,
    `stepwise_selection`, `effect_ranking`): every effect in every place is scored, alone and together. `after_change`:
    of a changed robot also beside the old parameters that hold a part of the effect.

@@ -10,7 +10,7 @@ time, so they are computed when a stage asks for them.
 
 from __future__ import annotations
 
-from collections.abc import Iterable, Mapping, Sequence
+from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
 from functools import cached_property
 
@@ -19,28 +19,12 @@ from numpy.typing import NDArray
 
 from frischid.core.array_store import Store, Stored
 from frischid.core.types import Array
+from frischid.diagnosis.stretches import Stretch
 from frischid.effects import State
 from frischid.estimators.held_out import MOST_OF_A_JOINT
 
 Indices = NDArray[np.intp]
 Picked = NDArray[np.int32]
-Stretch = tuple[str, float, float]
-
-
-def lasting(spans: Iterable[tuple[float, float]]) -> float:
-    """Length of the union of spans of time (start, stop), s.
-
-    Examples
-    --------
-    >>> from frischid.diagnosis.cached_motion import lasting
-    >>> lasting([(0.0, 2.0), (5.0, 6.0), (1.0, 3.0)])
-    4.0
-    """
-    length, reached = 0.0, -np.inf
-    for start, stop in sorted(spans):
-        length += max(stop - max(start, reached), 0.0)
-        reached = max(reached, stop)
-    return length
 
 
 @dataclass(frozen=True, eq=False)

@@ -2,10 +2,11 @@
 
 from __future__ import annotations
 
+from frischid.checks.robot_faults import CARRIED_LOAD
 from frischid.core.text import listed, percent
 from frischid.diagnosis.result import Diagnosis
 from frischid.diagnosis.rivals import beside, cause_of
-from frischid.model.alarms import FAULTY_LOG, LOGS_DISAGREE
+from frischid.model.alarms import FAULTY_LOG, LOGS_DISAGREE, Alarm
 
 PRESUMED = {
     FAULTY_LOG: "a log has the fault that the alarm names",
@@ -20,7 +21,7 @@ def missing(diagnosis: Diagnosis) -> str:
     also = f"; probably also missing: {listed([f.title for f in more])}" if more else ""
     changed = "; assumed: the robot changed since it was identified" if diagnosis.situation == "changed" else ""
     # Without an effect, the remainder says so.
-    further = "" if diagnosis.verdict == "none" else f"{_before(diagnosis)}{_at_limits(diagnosis)}"
+    further = "" if diagnosis.verdict == "none" else f"{_before(diagnosis)}{_for_a_while(diagnosis)}"
     return on_condition(diagnosis, f"{_first(diagnosis)}{also}{changed}{further}")
 
 
@@ -31,15 +32,21 @@ def _before(diagnosis: Diagnosis) -> str:
     return f"; the model's own logs already show {listed(named)}" if named else ""
 
 
-def _at_limits(diagnosis: Diagnosis) -> str:
-    return f"; {diagnosis.limited} (left out of the search)" if diagnosis.limits else ""
+def _for_a_while(diagnosis: Diagnosis) -> str:
+    return f"; {diagnosis.for_a_while} (left out of the search)" if diagnosis.for_a_while else ""
 
 
 def on_condition(diagnosis: Diagnosis, said: str) -> str:
     """A verdict in words, with what it presumes in front: effects explain the fault of a log, too, if only in part."""
-    found = {alarm.id for alarm in diagnosis.headline.alarms}
+    found = {alarm.id for alarm in diagnosis.headline.alarms if not _says_the_same(diagnosis, alarm)}
     named = " or ".join(words for alarm, words in PRESUMED.items() if alarm in found)
     return f"Unless {named}, {said[:1].lower()}{said[1:]}" if named else said
+
+
+def _says_the_same(diagnosis: Diagnosis, alarm: Alarm) -> bool:
+    """Whether an alarm names one fault of a log, the load that the diagnosis found too."""
+    only = alarm.id == FAULTY_LOG and alarm.value == 1.0 and f"({CARRIED_LOAD}, " in alarm.sentence
+    return only and diagnosis.load is not None
 
 
 def _first(diagnosis: Diagnosis) -> str:

@@ -40,7 +40,6 @@ from frischid.checks.standing import pushes
 from frischid.core.bursts import robust_std
 from frischid.core.text import listed
 from frischid.core.types import Array
-from frischid.diagnosis.cached_motion import Stretch
 from frischid.diagnosis.candidate_columns import Candidate
 from frischid.diagnosis.contacts_that_return import returning_share
 from frischid.diagnosis.criteria import DiagnosisCriteria
@@ -49,6 +48,7 @@ from frischid.diagnosis.findings import Finding
 from frischid.diagnosis.residual_variables import MOST_ROWS, speeds, thinned
 from frischid.diagnosis.reversal_residuals import filtered_width
 from frischid.diagnosis.robust_fit import robust_parameters
+from frischid.diagnosis.stretches import Stretch
 from frischid.diagnosis.unmodelled_terms import best_unmodelled
 from frischid.logs.log import Log
 from frischid.logs.poses import in_motion

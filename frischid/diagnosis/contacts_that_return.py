@@ -26,9 +26,9 @@ import numpy as np
 from scipy.spatial import cKDTree
 
 from frischid.core.types import Array
-from frischid.diagnosis.cached_motion import Stretch
 from frischid.diagnosis.cross_validation import CrossValidator
 from frischid.diagnosis.residual_variables import MOST_ROWS
+from frischid.diagnosis.stretches import Stretch
 
 NEIGHBOURS = 10
 """States whose residuals are averaged: their mean has a third of the noise of one."""

@@ -25,7 +25,7 @@ import numpy as np
 from frischid.core.parallel import Workers
 from frischid.core.text import each_of
 from frischid.core.types import Array
-from frischid.diagnosis.cached_motion import JointData, Stretch, lasting
+from frischid.diagnosis.cached_motion import JointData
 from frischid.diagnosis.candidate_columns import Candidate
 from frischid.diagnosis.candidate_fits import CandidateFit, Fits, Score, candidate_fits
 from frischid.diagnosis.criteria import DIAGNOSIS_CRITERIA, DiagnosisCriteria
@@ -33,6 +33,7 @@ from frischid.diagnosis.dataset import RegressionData
 from frischid.diagnosis.model_columns import ModelColumns
 from frischid.diagnosis.motion_cache import MotionCache
 from frischid.diagnosis.shape_screening import screened
+from frischid.diagnosis.stretches import Stretch, lasting
 from frischid.diagnosis.weighted_fit import WeightedFit, counted_share, predictive_squares
 from frischid.effects import Effect
 from frischid.errors import InputError
@@ -132,7 +133,11 @@ class CrossValidator:
             length = sum(float(t[-1] - t[0]) for s, t in zip(data.sources, data.times, strict=True) if s == log)
             if lasting([(a, b) for s, a, b in stretches if s == log]) > self.criteria.max_contact_share * length:
                 return False
-        return bool((_spread(data.without(stretches)) > 0).all())
+        return self.moves_without(stretches)
+
+    def moves_without(self, stretches: Sequence[Stretch]) -> bool:
+        """Whether every joint moves outside of some stretches of time."""
+        return bool((_spread(self.data.without(stretches)) > 0).all())
 
     def extended(self, candidate: Candidate) -> CrossValidator:
         """The same data with a candidate added to the model; its coefficients have no prior.

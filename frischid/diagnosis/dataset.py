@@ -15,9 +15,10 @@ from collections.abc import Callable, Iterator, Mapping, Sequence
 import numpy as np
 
 from frischid.core.types import Array
-from frischid.diagnosis.cached_motion import JointData, Stretch
+from frischid.diagnosis.cached_motion import JointData
 from frischid.diagnosis.candidate_columns import Candidate
 from frischid.diagnosis.motion_cache import MotionCache
+from frischid.diagnosis.stretches import Stretch
 from frischid.effects import Effect
 from frischid.model.model import Model
 

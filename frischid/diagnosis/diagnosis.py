@@ -26,6 +26,8 @@ from frischid.core.arguments import check_kind
 from frischid.core.parallel import Workers
 from frischid.core.text import shortened
 from frischid.core.threads import on_one_thread
+from frischid.core.types import Array
+from frischid.diagnosis.carried_loads import find_load
 from frischid.diagnosis.contacts import (
     Contact,
     contacts_at_rest,
@@ -37,9 +39,11 @@ from frischid.diagnosis.contacts import (
 from frischid.diagnosis.criteria import DIAGNOSIS_CRITERIA, DiagnosisCriteria
 from frischid.diagnosis.cross_validation import CrossValidator
 from frischid.diagnosis.effect_findings import find_effects, refit_finding
+from frischid.diagnosis.effect_ranking import Ranking
+from frischid.diagnosis.findings import Finding
 from frischid.diagnosis.floor import Floor
 from frischid.diagnosis.hypotheses import Evidence, evidence_of
-from frischid.diagnosis.model_notes import delay_in, limit_in, touch_in, untried
+from frischid.diagnosis.model_notes import delay_in, limit_in, load_in, touch_in, untried
 from frischid.diagnosis.probability import probabilities
 from frischid.diagnosis.residual_formula import describe
 from frischid.diagnosis.result import Diagnosis
@@ -164,7 +168,8 @@ def diagnose(
     first = {log.source: float(log.t[0]) for log in logs if isinstance(log, Log)}
     contacts = [replace(c, log_start=first.get(c.source, 0.0)) for c in results.contacts]
     limits = [replace(limit, log_starts=first) for limit in results.limits]
-    results = replace(results, contacts=(*contacts, *touched), limits=tuple(limits))
+    load = results.load and replace(results.load, log_starts=first)
+    results = replace(results, contacts=(*contacts, *touched), limits=tuple(limits), load=load)
     verdict, by_twin = decided(results), decided(results, by_twin=True)
     if state == "changed" and effects is None:
         refit = refit_finding(results.validator, results.floor)
@@ -175,7 +180,12 @@ def diagnose(
     judged = set(validator.joints) & found.headline.joints.keys()
     still = standstill_note([name for name in model.joints if name not in judged])
     said = [still, *said_of(model, logs), *(part.said for part in parts)]
-    said += [delay_in(model), touch_in(model, logs, found.contacts), limit_in(model, logs, found.limits)]
+    said += [
+        delay_in(model),
+        touch_in(model, logs, found.contacts),
+        limit_in(model, logs, found.limits),
+        load_in(model, logs, load),
+    ]
     said += untried(model, effects or (), state, validator.data.cache.channels)
     return replace(found, notes=(*found.notes, *filter(None, said)))
 
@@ -252,6 +262,7 @@ def _diagnosis(results: StageResults, verdicts: tuple[Verdict, Verdict], error_o
         evidence=evidence,
         fit=validator,
         limits=results.limits,
+        load=results.load,
     )
 
 
@@ -262,15 +273,23 @@ def stages(
     effects: Sequence[str] | None,
     progress: Callable[[str], None],
 ) -> StageResults:
-    """Torques at their limit, contacts, findings, and a term outside the catalogue that explains more than one."""
-    contacts = find_contacts(validator, floor.noise)
-    findings, ranking, noise = find_effects(validator, floor, situation, effects, progress)
+    """A load, torques at their limit, contacts, findings, and a term outside the catalogue that explains far more."""
+
+    def search(fit: CrossValidator) -> tuple[list[Finding], Ranking, Array]:
+        return find_effects(fit, floor, situation, effects, progress)
+
+    contacts, load = find_contacts(validator, floor.noise), None
+    findings, ranking, noise = search(validator)
+    carried = find_load(validator, ranking.full, noise, search)
+    if carried is not None:
+        load, validator, (findings, ranking, noise) = carried
+        contacts = find_contacts(validator, floor.noise)
     limits = find_limits(validator, ranking.full, noise)
     if limits:
         progress("again without torques at their limit")
         validator = validator.without(beyond_limits(validator, limits))
         contacts = find_contacts(validator, floor.noise)
-        findings, ranking, noise = find_effects(validator, floor, situation, effects, progress)
+        findings, ranking, noise = search(validator)
     if contacts:
         rest = validator.without(stretches(contacts))
         if made_by_something_steady(validator, rest, findings):
@@ -278,7 +297,7 @@ def stages(
         else:
             progress("again without the contacts")
             validator = rest
-            findings, ranking, noise = find_effects(rest, floor, situation, effects, progress)
+            findings, ranking, noise = search(rest)
     least = floor.without_effects(noise)
     unmodelled = None if contacts else unmodelled_term(ranking, noise, least)
     return StageResults(
@@ -292,6 +311,7 @@ def stages(
         unmodelled,
         floor.said,
         tuple(limits),
+        load,
     )
 
 

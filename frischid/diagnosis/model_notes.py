@@ -5,6 +5,7 @@ from __future__ import annotations
 from collections.abc import Collection, Sequence
 
 from frischid.core.text import listed
+from frischid.diagnosis.carried_loads import CarriedLoad
 from frischid.diagnosis.contacts import Contact
 from frischid.diagnosis.scored_candidate import known_in_motion
 from frischid.diagnosis.situation import Situation
@@ -26,6 +27,13 @@ AT_LIMIT = (
 )
 """Note on a model that was fitted to logs with torques at their limit."""
 
+LOADED = (
+    "the model was fitted with this load for a part of the time, which changes its parameters: cut the times with the "
+    "load out of the logs (frischid cut LOG --from START --until STOP keeps a part) and identify again. Then frischid "
+    "payload weighs the load in the part that you cut out"
+)
+"""Note on a model that was fitted to logs in which the robot carries a load for a while."""
+
 
 def delay_in(model: Model) -> str:
     """A note on the delay of the torque that the model has from its identification; empty where it has none."""
@@ -43,6 +51,12 @@ def limit_in(model: Model, logs: Sequence[Log | Recording], limits: Sequence[Tor
     """A note that the model was fitted to logs with torques at their limit; empty where it was not."""
     cut = {source for limit in limits for source, _, _ in limit.stretches}
     return AT_LIMIT if any(log.source in cut and model.made_from(log) for log in logs) else ""
+
+
+def load_in(model: Model, logs: Sequence[Log | Recording], load: CarriedLoad | None) -> str:
+    """A note that the model was fitted to logs in which the robot carries a load for a while; empty where not."""
+    sources = set() if load is None else {source for source, _, _ in load.stretches}
+    return LOADED if any(log.source in sources and model.made_from(log) for log in logs) else ""
 
 
 def untried(model: Model, effects: Sequence[str], situation: Situation, channels: Collection[str]) -> list[str]:

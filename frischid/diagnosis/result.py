@@ -11,7 +11,7 @@ from typing import Any
 
 from frischid.core.shown import Shown
 from frischid.core.text import listed
-from frischid.diagnosis.cached_motion import Stretch
+from frischid.diagnosis.carried_loads import CarriedLoad
 from frischid.diagnosis.contacts import Contact
 from frischid.diagnosis.criteria import DiagnosisCriteria
 from frischid.diagnosis.cross_validation import CrossValidator
@@ -20,6 +20,7 @@ from frischid.diagnosis.hypotheses import Evidence
 from frischid.diagnosis.residual_formula import Description
 from frischid.diagnosis.rivals import suspected
 from frischid.diagnosis.situation import Situation
+from frischid.diagnosis.stretches import Stretch
 from frischid.diagnosis.torque_limits import TorqueLimit
 from frischid.diagnosis.verdict import Verdict
 from frischid.errors import InputError
@@ -63,6 +64,8 @@ class Diagnosis(Shown):
         were searched.
     limits : tuple of TorqueLimit
         Torques at their limit, which were left out like contacts.
+    load : CarriedLoad or None
+        A body that the robot carries for a while. The search leaves out the times with the body, or those without.
     always_missing : tuple of Finding
         Of a robot that changed: what its model's own logs already show. The search takes these effects as known.
 
@@ -96,6 +99,7 @@ class Diagnosis(Shown):
     fit: CrossValidator | None = field(repr=False)
     always_missing: tuple[Finding, ...] = ()
     limits: tuple[TorqueLimit, ...] = ()
+    load: CarriedLoad | None = None
 
     @property
     def validator(self) -> CrossValidator:
@@ -134,7 +138,7 @@ class Diagnosis(Shown):
         if self.fit is None:
             return "the arm stands still, and nothing touches it"
         error, noise, tolerance = self.headline.nrmse, self.headline.noise_floor, self.criteria.floor_tolerance
-        if self.limits:
+        if self.for_a_while:
             error, noise = self.error, self.noise_floor  # of the rest of the logs
         more = suspected(self.findings, self.probabilities)
         missing, explains = ("called missing", "may explain") if more else ("missing", "explains")
@@ -147,7 +151,7 @@ class Diagnosis(Shown):
             said = f"{missing}: the residual error is that of the sensor noise"
         named = listed([f.title for f in self.shown_before])
         known = f"beside {named}, which the model's own logs already show, " if named else ""
-        cut = f"{self.limited}; in the rest of the logs, " if self.limits else ""
+        cut = f"{self.for_a_while}; in the rest of the logs, " if self.for_a_while else ""
         return f"{cut}{known}no effect is {said}{more}"
 
     def left_out(self, joint: str) -> dict[str, list[Stretch]]:
@@ -155,15 +159,19 @@ class Diagnosis(Shown):
         touched = [(c.source, c.start, c.stop) for c in self.contacts if joint in c.joints]
         limited = [stretch for limit in self.limits if limit.joint == joint for stretch in limit.stretches]
         found = {"contact": touched, "torque at its limit": limited}
+        if self.load is not None:
+            found["load" if self.load.left_out == self.load.stretches else "no load"] = list(self.load.left_out)
         return {reason: stretches for reason, stretches in found.items() if stretches}
 
     @property
-    def limited(self) -> str:
-        """The clause that torques are at their limit; empty where none is."""
+    def for_a_while(self) -> str:
+        """The clause that torques are at their limit, and that the robot carries a load; empty where neither is so."""
         names = listed([limit.joint for limit in self.limits])
+        limited = f"the torque of {names} is at its limit for a while" if names else ""
         if len(self.limits) > 1:
-            return f"the torques of {names} are at their limits for a while"
-        return f"the torque of {names} is at its limit for a while" if names else ""
+            limited = f"the torques of {names} are at their limits for a while"
+        loaded = "" if self.load is None else f"the robot carries {self.load.words} for a while"
+        return " and ".join(filter(None, [limited, loaded]))
 
     def to_dict(self) -> dict[str, Any]:
         """Plain JSON values."""
@@ -180,6 +188,7 @@ class Diagnosis(Shown):
             ],
             "contacts": [vars(c) for c in self.contacts],
             "limits": [x.to_dict() for x in self.limits],
+            "load": None if self.load is None else self.load.to_dict(),
             "notes": list(self.notes),
             "description": None if self.description is None else vars(self.description),
             "criteria": self.criteria.to_dict(),

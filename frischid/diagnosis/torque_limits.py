@@ -28,22 +28,19 @@ from __future__ import annotations
 
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, field
-from pathlib import Path
 from typing import Any
 
 import numpy as np
 
-from frischid.core.text import listed
 from frischid.core.types import Array
-from frischid.diagnosis.cached_motion import Stretch
 from frischid.diagnosis.contacts import robust_spread
 from frischid.diagnosis.cross_validation import CrossValidator
 from frischid.diagnosis.floor import asks_for_explanation
 from frischid.diagnosis.robust_fit import robust_parameters
+from frischid.diagnosis.stretches import Stretch, in_words, plain, reach_of, wider
 
 _SEARCHES = 8  # of a limit; it usually stays the same after three
 _LEVELS = 200  # torques tried as limits, spread evenly over the samples
-_STRETCHES_TOLD = 3  # in a sentence
 
 
 @dataclass(frozen=True)
@@ -61,10 +58,7 @@ class TorqueLimit:
     """Log -> its first time stamp, s; none for a recording that is read in pieces."""
 
     def __str__(self) -> str:
-        c, found = f"{self.limit:.3g} N·m (N)", self.stretches
-        since = [(s, self.log_starts.get(s, 0.0), a, b) for s, a, b in found[:_STRETCHES_TOLD]]  # as `cut` counts
-        where = listed([f"{Path(s).name} from {a - t0:.2f} to {b - t0:.2f} s" for s, t0, a, b in since])
-        more = f" and {len(found) - _STRETCHES_TOLD} more times" if len(found) > _STRETCHES_TOLD else ""
+        c, where = f"{self.limit:.3g} N·m (N)", in_words(self.stretches, self.log_starts)
         what = (
             f"the commanded torque is beyond {c}, but the joint moves as with {c}. The drive gives no more, and the "
             "log holds the command"
@@ -72,12 +66,11 @@ class TorqueLimit:
             else f"the torque stays at {c}, and the model needs more. The drive gives no more, or the sensor shows no "
             "more"
         )
-        return f"{self.joint}, in {where}{more}: {what}. These stretches are left out of the search"
+        return f"{self.joint}, in {where}: {what}. These stretches are left out of the search"
 
     def to_dict(self) -> dict[str, Any]:
         """Plain JSON values."""
-        first = self.log_starts
-        stretches = [{"source": s, "start": a, "stop": b, "log_start": first.get(s, 0.0)} for s, a, b in self.stretches]
+        stretches = plain(self.stretches, self.log_starts)
         return {"joint": self.joint, "limit": self.limit, "commanded": self.commanded, "stretches": stretches}
 
 
@@ -113,21 +106,19 @@ def find_limits(validator: CrossValidator, full: CrossValidator, floor: Array) -
 
 def beyond_limits(validator: CrossValidator, limits: Sequence[TorqueLimit]) -> list[Stretch]:
     """The stretches as `CrossValidator.without` takes them, as long as the filter spreads them."""
-    margin = _margin(validator)
-    return [(source, a - margin, b + margin) for limit in limits for source, a, b in limit.stretches]
-
-
-def _margin(validator: CrossValidator) -> float:
-    """Time by which the filter spreads an error to each side, s: a period of its cut-off."""
-    cutoff = validator.model.lowpass.cutoff
-    return 0.0 if cutoff is None else 1.0 / cutoff
+    return wider([x for limit in limits for x in limit.stretches], reach_of(validator.model.lowpass))
 
 
 def _limit_of(
     validator: CrossValidator, row: int, floor: Array, theta: Array, commanded: bool
 ) -> tuple[float, TorqueLimit] | None:
     """The mean squared error above the noise that a clipped curve leaves, and its limit; None without one."""
-    criteria, margin, name, noise = validator.criteria, _margin(validator), validator.joints[row], floor[row] ** 2
+    criteria, margin, name, noise = (
+        validator.criteria,
+        reach_of(validator.model.lowpass),
+        validator.joints[row],
+        floor[row] ** 2,
+    )
     before: tuple[Stretch, ...] | None = None
     for _ in range(_SEARCHES):
         rows = _Rows.of(validator, row, theta, commanded)

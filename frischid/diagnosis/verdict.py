@@ -29,6 +29,7 @@ from numpy.typing import NDArray
 
 from frischid.core.text import about, listed
 from frischid.core.types import Array
+from frischid.diagnosis.carried_loads import CarriedLoad
 from frischid.diagnosis.contacts import Contact
 from frischid.diagnosis.cross_validation import CrossValidator
 from frischid.diagnosis.effect_ranking import Ranking
@@ -76,6 +77,7 @@ class StageResults:
     said: str = ""
     """A sentence on repeated motions, empty without any."""
     limits: tuple[TorqueLimit, ...] = ()
+    load: CarriedLoad | None = None
 
     @property
     def together(self) -> float:
@@ -123,7 +125,11 @@ def notes_on(
     validator, full, unmodelled = results.validator, results.ranking.full, results.unmodelled
     changed = results.situation == "changed"
     notes = [f"assumed: the robot {'changed' if changed else 'has not changed'} since it was identified"]
-    notes += [*map(str, results.limits), *filter(None, [results.said])]
+    notes += [
+        *map(str, results.limits),
+        *([] if results.load is None else [str(results.load)]),
+        *filter(None, [results.said]),
+    ]
     errors = zip(full.joints, full.base_nrmse(), strict=True)  # with the effects: a large one is no short log
     lost = [name for name, error in errors if error > 1.0]  # a constant torque has an NRMSE of 1
     if lost:

@@ -37,7 +37,7 @@ from frischid.model.comparison import Comparison
 from frischid.model.prediction import Prediction
 
 if TYPE_CHECKING:
-    from frischid.diagnosis.cached_motion import Stretch
+    from frischid.diagnosis.stretches import Stretch
 
 APART = 0.02  # gap between two logs, as a share of the length of all logs
 TIME_MARGIN = 0.01  # empty share of the time axis at each end

@@ -1,6 +1,7 @@
 """Faults of logs against each other: the simplest that explains the torques is named, and a mapping file undoes it."""
 
 import os
+import re
 from dataclasses import dataclass, field, replace
 from pathlib import Path
 from types import SimpleNamespace
@@ -549,6 +550,37 @@ def test_no_body_has_a_negative_mass(monkeypatch, mass, lacks):
     """Pushes on a Panda were "a body of about -0.37 kg that the URDF lacks"."""
     body = Body("wrist", mass, np.zeros(3), 0.9, np.zeros(1))
     monkeypatch.setattr("frischid.checks.robot_faults.payload_errors", lambda _: body)
+    monkeypatch.setattr("frischid.checks.robot_faults.carried_body", lambda _: None)
     (found,) = shared_faults(SimpleNamespace(sketch=Weightless(), weight=np.ones(1)))
     assert found.fault.what.endswith(f"a body of about 0.4 kg on the last link that the {lacks}")
     assert found.fault.advice.startswith("use a URDF with the payload" if mass > 0 else "use a URDF without this hand")
+
+
+def carrying(start: float, stop: float, noise: float = 0.02) -> Log:
+    """A log of a UR10 that carries 3 kg from `start` to `stop`, s."""
+    own = dict(zip(UR.all_names, UR.nominal, strict=True))
+    body = {"m6": own["m6"] + 3.0, "mz6": own["mz6"] + 0.3}
+    motion = random_fourier(UR, 20.0, seed=3)
+    bare, loaded = (simulate(UR, motion, rate=100.0, parameters=more, channels=()) for more in ({}, body))
+    carried = (bare.t >= start) & (bare.t < stop)
+    rng = np.random.default_rng(3)
+    tau = np.where(carried[:, None], loaded.tau, bare.tau)
+    tau = tau + noise * tau.std(axis=0) * rng.normal(size=tau.shape)
+    return replace(bare, q=bare.q + 1e-5 * rng.normal(size=bare.q.shape), v=None, a=None, tau=tau)
+
+
+def test_a_load_for_a_part_of_the_log_is_named():
+    """It had been exchanged positions of two wrist joints, likely, to be corrected before an identification."""
+    (report,) = check(UR, [carrying(6.0, 13.0)])
+    (issue,) = [x for x in report.issues if x.blocks]
+    assert (issue.kind, issue.where, issue.sure) == ("carried load", ("wrist_3_joint",), "likely")
+    start, stop = (float(x) for x in re.findall(r"from ([\d.]+) to ([\d.]+) s", issue.what)[0])
+    assert (start, stop) == pytest.approx((6.0, 13.0), abs=0.3)
+    mass = float(re.findall(r"about ([\d.]+) kg", issue.what)[0])
+    assert mass == pytest.approx(3.0, abs=0.2)
+    assert "frischid cut" in issue.advice
+
+
+def test_a_load_throughout_is_a_payload():
+    (report,) = check(UR, [carrying(0.0, 30.0)])
+    assert [x.kind for x in report.issues if x.kind in ("payload", "carried load")] == ["payload"]

@@ -128,6 +128,15 @@ class TorqueLimitOutput(Output):
     stretches: list[StretchOutput]
 
 
+class CarriedLoadOutput(Output):
+    """A body that the robot carries for a while; masses in kg."""
+
+    joint: str
+    mass: float | None
+    mass_error: NotNegative | None
+    stretches: list[StretchOutput]
+
+
 class AlwaysMissingOutput(Output):
     """An effect that the model's own logs already show, of a robot that changed after them."""
 
@@ -148,6 +157,7 @@ class DiagnosisOutput(Output):
     always_missing: list[AlwaysMissingOutput]
     contacts: list[ContactOutput]
     limits: list[TorqueLimitOutput]
+    load: CarriedLoadOutput | None
     notes: list[str]
     description: DescriptionOutput | None
     criteria: DiagnosisCriteria
