@@ -176,8 +176,8 @@ def _not_measured(names: Sequence[str]) -> str:
     """The sentence on numbers that are in the commands to enter, and that no log has measured."""
     these, them = ("this value is", "it") if len(names) == 1 else ("these values are", "them")
     return (
-        f"the log hardly determines {listed(names)}: {these} no measurement. Before you enter {them} into a controller, "
-        f"measure or compute {them}, or record a motion that shows more of the body"
+        f"the log hardly determines {listed(names)}: {these} no measurement. Before you enter {them} into a "
+        f"controller, measure or compute {them}, or record a motion that shows more of the body"
     )
 
 
