@@ -24,7 +24,7 @@ from frischid.diagnosis.change_prior import weak_urdf_prior
 from frischid.diagnosis.criteria import DiagnosisCriteria
 from frischid.diagnosis.cross_validation import CrossValidator
 from frischid.diagnosis.effect_ranking import Ranking, ScoredEffect, ranking
-from frischid.diagnosis.findings import OLD_PARAMETERS, Finding, shape_of
+from frischid.diagnosis.findings import OLD_PARAMETERS, Finding, joints_of, shape_of
 from frischid.diagnosis.floor import Floor
 from frischid.diagnosis.healthy_twin import HealthyTwin
 from frischid.diagnosis.reversal_residuals import absent_in_motion, only_at_reversals
@@ -83,7 +83,7 @@ def _finding(
     rows = list(effect.together.columns)
     seen = [row for row in rows if moving[row]]
     members = tuple(e for place in effect.places for e in place.candidate.effects)
-    joints = tuple(dict.fromkeys(j for e in members for j in (e.joints or ())))
+    joints = joints_of(members)
     names = [c.name for e in members for c in e.columns(validator.model.robot)]
     shapes = {
         f"{k}_{n}" if len(effect.places) > 1 else k: v

@@ -259,7 +259,7 @@ class Finding:
 
 def with_members(finding: Finding, members: Sequence[Effect], robot: Robot) -> Finding:
     """The finding with some of its effects alone; their shapes are in the effects."""
-    joints = tuple(dict.fromkeys(name for effect in members for name in (effect.joints or ())))
+    joints = joints_of(members)
     kept = {column.name for effect in members for column in effect.columns(robot)}
     return replace(
         finding,
@@ -268,6 +268,16 @@ def with_members(finding: Finding, members: Sequence[Effect], robot: Robot) -> F
         parameters={name: x for name, x in finding.parameters.items() if name in kept},
         sentence=about(joints, type(members[0]).sentence),
     )
+
+
+def joints_of(members: Sequence[Effect]) -> tuple[str, ...]:
+    """The joints that a finding acts on; none where one of its effects acts on the whole robot.
+
+    A delay of all joints may come with a correction on one joint. The delay is then not a delay of this joint alone.
+    """
+    if any(effect.joints is None for effect in members):
+        return ()
+    return tuple(dict.fromkeys(name for effect in members for name in effect.joints or ()))
 
 
 def _edge(effect: Effect, key: str, value: float) -> str:

@@ -15,6 +15,9 @@ a limit is found where
 
 - a joint's error asks for an explanation, and most of its squared error above n_j² lies in the stretches beyond c;
 - the clipped curve explains nearly all of that part, although the fit has not seen the stretches;
+- in the excursions of the torque that go beyond c, from c/2 up and down again, the clipped curve leaves less error than
+  another scale of the torque in each excursion: a load that was dropped or taken during the log is an error of the
+  largest torques too, but one that is there before the torque reaches c;
 - in one of these stretches at least, no other joint has a burst (`contacts`), as a push would cause; another joint may
   be at its own limit at other times;
 - the clipped curve leaves less than half of the error above n_j² that the effects of the catalogue leave together. A
@@ -41,6 +44,7 @@ from frischid.diagnosis.stretches import Stretch, in_words, plain, reach_of, wid
 
 _SEARCHES = 8  # of a limit; it usually stays the same after three
 _LEVELS = 200  # torques tried as limits, spread evenly over the samples
+_EXCURSION = 0.5  # share of the limit from which an excursion of the torque begins, so that half of the way is below it
 
 
 @dataclass(frozen=True)
@@ -135,7 +139,7 @@ def _limit_of(
         before, theta = found.stretches, validator.without(beyond).theta
     held = inside > criteria.half_explained * float(error.sum())
     explained = inside_left < (1 - criteria.nearly_explained) * inside
-    return (float(left.mean()), found) if held and explained else None
+    return (float(left.mean()), found) if held and explained and not rows.rather_scaled(level) else None
 
 
 def _pushed(validator: CrossValidator, limit: TorqueLimit, theta: Array, unit: Array) -> bool:
@@ -199,6 +203,20 @@ class _Rows:
         """The level that explains most error."""
         levels = np.quantile(self.size, np.linspace(0.0, 1.0, _LEVELS))
         return float(min(levels, key=lambda level: float((self.left(float(level)) ** 2).sum())))
+
+    def rather_scaled(self, level: float) -> bool:
+        """Whether a scale of the torque in each excursion beyond a level leaves less error than the clipped curve."""
+        clipped, scaled, left, passed = 0.0, 0.0, self.left(level), 0
+        for _, t, _ in self.times:
+            here = np.arange(passed, passed + len(t))
+            passed += len(t)
+            kind = np.where(self.size[here] > _EXCURSION * level, self.side[here], 0.0)
+            for run in np.split(here, np.flatnonzero(np.diff(kind)) + 1):
+                x, e = self.size[run], self.side[run] * self.error[run]
+                if len(run) and x.min() > _EXCURSION * level and x.max() > level:
+                    clipped += float(left[run] @ left[run])
+                    scaled += float(e @ e - (x @ e) ** 2 / (x @ x))
+        return scaled < clipped
 
     def stretches(self, level: float, margin: float) -> tuple[Stretch, ...]:
         """Stretches beyond a level; those whose margins meet are one."""

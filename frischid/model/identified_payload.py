@@ -10,6 +10,7 @@ from __future__ import annotations
 
 import json
 import warnings
+from collections.abc import Sequence
 from dataclasses import dataclass
 from typing import Any
 
@@ -17,7 +18,9 @@ import numpy as np
 from scipy import special
 from scipy.spatial.transform import Rotation
 
+from frischid.core.text import listed
 from frischid.core.types import Array
+from frischid.estimators.least_squares import HARDLY_KNOWN
 from frischid.model.alarms import Alarm
 from frischid.robot.inertia import dynamic_parameters, pseudo_inertia
 
@@ -163,8 +166,19 @@ def payload_of(
         notes = (*notes, "the mass is within its bound of zero: these logs show the body by its centre and inertia")
     if changed:
         notes = (*notes, "the inertia is the nearest that a body can have: the log determines it weakly")
+    if open_numbers := [name for name, share in zip(BODY_NUMBERS, known, strict=True) if share < HARDLY_KNOWN]:
+        notes = (*notes, _not_measured(open_numbers))
     bound, from_log = (dict(zip(BODY_NUMBERS, map(float, x), strict=True)) for x in (half, known))
     return IdentifiedPayload(*names, float(values[0]), values[1:4], inertia, bound, from_log, *errors, notes)
+
+
+def _not_measured(names: Sequence[str]) -> str:
+    """The sentence on numbers that are in the commands to enter, and that no log has measured."""
+    these, them = ("this value is", "it") if len(names) == 1 else ("these values are", "them")
+    return (
+        f"the log hardly determines {listed(names)}: {these} no measurement. Before you enter {them} into a "
+        f"controller, measure or compute {them}, or record a motion that shows more of the body"
+    )
 
 
 def _numbers(phi: Array) -> Array:

@@ -1,12 +1,17 @@
 """Sums from which the lag of the torque follows, gathered in one pass of a fitted model over its logs.
 
 With the columns C = [−ds/dt, −df/dt] of `frischid.model.torque_lag` and the residuals e of the fit, each stretch b of a
-second or more keeps Y_bᵀC_b, Y_bᵀe_b, C_bᵀC_b and C_bᵀe_b of each joint. With A = YᵀY of the fit and β = A⁻¹YᵀC,
+second or more keeps Y_bᵀC_b, Y_bᵀe_b, C_bᵀC_b and C_bᵀe_b of each joint, and Y_bᵀY_b of all joints with their weights.
+With A = YᵀY and β = A⁻¹YᵀC,
 
     d = (CᵀC − CᵀYβ)⁻¹ (Cᵀe − βᵀYᵀe),
 
 and the influence of stretch b on d is that inverse times its score C̃_bᵀ(e − C d − Y δ)_b, with C̃ = C − Yβ. Sums over
 the squared influences are the infinitesimal jackknife (Jaeckel 1972, Bell Laboratories).
+
+Where a lag d₀ is known roughly, Y and C are those of t − d₀, and d is what is left of the lag: a step of Gauss and
+Newton. The linear form leaves an error of second order in d, which made a lag of three samples 6 % too short: 35 of its
+standard errors.
 """
 
 from __future__ import annotations
@@ -38,10 +43,12 @@ OTHER_DELAYS = ("time_delay", "command_delay")
 class _Sums(NamedTuple):
     """Sums over some samples, joint by joint, with the columns C = [−ds/dt, −df/dt] and the residuals e.
 
-    Shapes: ``rows`` (J,), ``YC`` (J, p, 2), ``Ye`` (J, p), ``CC`` (J, 2, 2), ``Ce`` (J, 2).
+    Shapes: ``rows`` (J,), ``YY`` (p, p), ``YC`` (J, p, 2), ``Ye`` (J, p), ``CC`` (J, 2, 2), ``Ce`` (J, 2).
     """
 
     rows: Array
+    YY: Array
+    """Of all joints, each with its weight."""
     YC: Array
     Ye: Array
     CC: Array
@@ -76,6 +83,8 @@ class LagSums:
         Parameters of the residuals, by default those of the fit.
     wanted : bool
         Whether the lag is asked for at all.
+    about : float
+        What is known of the lag that the fit has not taken back, s. The lags of `solved` come on top of this one.
 
     Attributes
     ----------
@@ -87,16 +96,23 @@ class LagSums:
     """
 
     def __init__(
-        self, problem: Problem, estimate: Estimate, theta: Array | None = None, *, wanted: bool = True
+        self,
+        problem: Problem,
+        estimate: Estimate,
+        theta: Array | None = None,
+        *,
+        wanted: bool = True,
+        about: float = 0.0,
     ) -> None:
         data = problem.data
         columns = columns_of(data.robot, problem.effects)
         self._problem, self._estimate = problem, estimate
         self.theta = estimate.theta if theta is None else theta
-        self._base = list(problem.reduction.base)
+        self._base, self._about = list(problem.reduction.base), about
         self._index = [data.robot.joints.index(name) for name in data.joints]
         dry = {effect.id for effect in problem.effects if effect.dry}
         self._dry = np.array([columns[c].effect in dry for c in self._base])
+        self._weights = np.where(estimate.sigma > 0, 1.0 / np.maximum(estimate.sigma, 1e-300) ** 2, 0.0)
         self._pending: list[_Stretch] = []
         self._groups: list[_Sums] = []
         self._source, self._limit, self.step = "", 1, 0.0
@@ -114,7 +130,7 @@ class LagSums:
         if not self.wanted or not len(block.t):
             return
         Y = block.Z[:, self._base][:, :, self._index]
-        smooth, dry = (np.where(self._dry == own, self.theta, 0.0) @ Y for own in (False, True))
+        smooth, dry = self._torques(Y)
         e = block.tau[:, self._index] - smooth - dry
         if not self._follows(block):
             self._close(whole=True)
@@ -123,6 +139,19 @@ class LagSums:
         self._pending.append(_Stretch(block.t, Y.copy(), smooth, dry, e, block.used[:, self._index].astype(float)))
         if sum(len(part.t) for part in self._pending) >= EVALUATED_TOGETHER + 2 * EDGE:
             self._close(whole=False)
+
+    def _torques(self, Y: Array) -> tuple[Array, Array]:
+        """Torque without dry friction, and dry friction, (N, J)."""
+        smooth, dry = (np.where(self._dry == own, self.theta, 0.0) @ Y for own in (False, True))
+        return smooth, dry
+
+    def _earlier(self, found: _Stretch) -> _Stretch:
+        """The samples with the motion of an earlier time: by the lag that is known."""
+        if not self._about:
+            return found
+        Y = np.asarray(make_interp_spline(found.t, found.Y, k=5)(_before(found.t, self._about)))
+        smooth, dry = self._torques(Y)
+        return found._replace(Y=Y, s=smooth, f=dry, e=found.e + found.s + found.f - smooth - dry)
 
     def _follows(self, block: Block) -> bool:
         """Whether a block goes on where the last one ended."""
@@ -137,9 +166,9 @@ class LagSums:
             return
         found = _Stretch(*(np.concatenate(parts) for parts in zip(*self._pending, strict=True)))
         if len(found.t) > 2 * EDGE:
-            columns = np.stack([_rate(found.t, x) for x in (found.s, found.f)], axis=1)  # (N, 2, J)
+            columns = np.stack([_rate(found.t, x, self._about) for x in (found.s, found.f)], axis=1)  # (N, 2, J)
             inner = slice(EDGE, -EDGE)
-            self._gather(found.part(inner), -columns[inner])
+            self._gather(self._earlier(found).part(inner), -columns[inner])
             found = found.part(slice(-2 * EDGE, None))
         self._pending = [] if whole else [found]
 
@@ -150,8 +179,10 @@ class LagSums:
         for first in range(0, len(part.t), count):
             s = slice(first, first + count)
             Y, W, c, e = part.Y[s], weighted[s], C[s], part.e[s]
+            rows = (Y * np.sqrt(self._weights * part.used[s])[:, None]).transpose(0, 2, 1).reshape(-1, Y.shape[1])
             sums = _Sums(
                 part.used[s].sum(axis=0),
+                rows.T @ rows,
                 np.einsum("npj,nkj->jpk", Y, W, optimize=True),
                 np.einsum("npj,nj->jp", Y, e * part.used[s]),
                 np.einsum("nkj,nlj->jkl", W, c),
@@ -177,21 +208,16 @@ class LagSums:
 
     def solved(self, smooth: Indices, dry: Indices) -> Solved:
         """Lags of a design: for each joint the position of its lag, and of its dry friction's lag."""
-        weights = np.where(self._estimate.sigma > 0, 1.0 / np.maximum(self._estimate.sigma, 1e-300) ** 2, 0.0)
-        parts = [_designed(sums, smooth, dry, weights) for sums in self._groups]
+        parts = [_designed(sums, smooth, dry, self._weights) for sums in self._groups]
         total = {name: np.sum([part[name] for part in parts], axis=0) for name in parts[0]}
-        rows = np.array([part.rows.sum() for part in self._groups])
-        whole = self._problem.whole
-        # Stretches share the correction of the parameters by their length: right where the correction is small.
-        A = whole.weighted(weights)[:-1, :-1] * (rows.sum() / max(whole.counts.sum(), 1.0))
-        beta = _solve(A, np.column_stack([total["YC"], total["Ye"]]))
+        beta = _solve(total["YY"], np.column_stack([total["YC"], total["Ye"]]))
         S = total["CC"] - total["YC"].T @ beta[:, :-1]
         lags = _solve(S, total["Ce"] - total["YC"].T @ beta[:, -1])
         change = beta[:, -1] - beta[:, :-1] @ lags
         scores = [
             part["Ce"] - part["CC"] @ lags - part["YC"].T @ change
-            - beta[:, :-1].T @ (part["Ye"] - part["YC"] @ lags - (n / rows.sum()) * (A @ change))
-            for part, n in zip(parts, rows, strict=True)
+            - beta[:, :-1].T @ (part["Ye"] - part["YC"] @ lags - part["YY"] @ change)
+            for part in parts
         ]  # fmt: skip
         influence = _solve(S, np.array(scores).T).T
         count = len(influence)
@@ -217,7 +243,7 @@ def _designed(sums: _Sums, smooth: Indices, dry: Indices, weights: Array) -> Map
         CC[np.ix_(place, place)] += w * sums.CC[j]
         YC[:, place] += w * sums.YC[j]
         Ce[place] += w * sums.Ce[j]
-    return {"CC": CC, "YC": YC, "Ce": Ce, "Ye": weights @ sums.Ye}
+    return {"CC": CC, "YC": YC, "Ce": Ce, "Ye": weights @ sums.Ye, "YY": sums.YY}
 
 
 def _solve(A: Array, b: Array) -> Array:
@@ -228,6 +254,11 @@ def _solve(A: Array, b: Array) -> Array:
     return np.asarray((found.T * inverse).T)
 
 
-def _rate(t: Array, x: Array) -> Array:
-    """Time derivative of filtered channels (N, J), by a spline through them."""
-    return np.asarray(make_interp_spline(t, x, k=5).derivative(1)(t))
+def _rate(t: Array, x: Array, earlier: float) -> Array:
+    """Time derivative of filtered channels (N, J) by a spline, at times that are `earlier` by this time, s."""
+    return np.asarray(make_interp_spline(t, x, k=5).derivative(1)(_before(t, earlier)))
+
+
+def _before(t: Array, earlier: float) -> Array:
+    """Earlier times, (N,), within the samples."""
+    return np.asarray(np.clip(t - earlier, t[0], t[-1]))

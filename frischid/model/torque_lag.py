@@ -22,7 +22,7 @@ the same on all joints; a model's error is not.
 from __future__ import annotations
 
 from collections.abc import Iterator, Sequence
-from dataclasses import asdict, dataclass
+from dataclasses import asdict, dataclass, replace
 from typing import Any, NamedTuple
 
 import numpy as np
@@ -119,7 +119,8 @@ def torque_lag(problem: Problem, estimate: Estimate, sums: LagSums) -> TorqueLag
     """The lag from the sums of a pass over the logs.
 
     Where a lag is likely, the parameters are wrong by it, and a second pass is made with corrected ones: the standard
-    error of the first pass is then too large. Where the joints differ in spite of such errors, there is no common lag.
+    error of the first pass is then too large. A lag that is too long to be taken back is linearised about itself in the
+    second pass, not about zero. Where the joints differ in spite of such errors, there is no common lag.
 
     Parameters
     ----------
@@ -138,12 +139,14 @@ def torque_lag(problem: Problem, estimate: Estimate, sums: LagSums) -> TorqueLag
     found = _lag(sums, data.joints, criteria, taken)
     if found is None or found[0].differing or not found[1].likely:
         return None if found is None else found[0]
-    again = LagSums(problem, estimate, found[1].theta)
+    left = found[0].lag - taken
+    about = left if abs(left) > criteria.lag_sampling_steps * sums.step else 0.0
+    again = LagSums(problem, estimate, found[1].theta, about=about)
     for motion in again.watch(data.motions):
         for block in problem.regressor.blocks(motion, data.lowpass):
             again.add(block)
-    better = _lag(again, data.joints, criteria, taken)
-    return (better or found)[0]
+    better = _lag(again, data.joints, criteria, taken + about)
+    return found[0] if better is None else replace(better[0], taken=taken)
 
 
 def described(lag: TorqueLag | None) -> Iterator[str]:
@@ -180,7 +183,7 @@ class _Again(NamedTuple):
 def _lag(
     sums: LagSums, names: Sequence[str], criteria: IdentificationCriteria, taken: float
 ) -> tuple[TorqueLag, _Again] | None:
-    """The lag of the logs, a part of which the model takes back; None where too little was recorded."""
+    """The lag of the logs, a part of which the sums take back; None where too little was recorded."""
     sums.finish()
     J, freedom = len(names), sums.stretches - 1
     if not sums.wanted or sums.stretches < criteria.lag_stretches or not sums.step:

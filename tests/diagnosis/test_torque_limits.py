@@ -99,6 +99,22 @@ def test_a_push_is_no_limit():
     assert found.verdict == "contact"
 
 
+@pytest.mark.parametrize(("seed", "mass", "dropped"), [(5, 4.0, 8.0), (6, 2.0, 12.0), (6, 8.0, 12.0)])
+def test_a_load_that_is_dropped_during_the_log_is_no_limit(seed, mass, dropped):
+    """A drive that gives no more was named, with a limit that the torque passed with the load and not without it."""
+    usual = dict(zip(ARM.all_names, ARM.nominal, strict=True))
+    body = {"m2": mass, "mx2": 0.9 * mass, "Izz2": 0.81 * mass}
+    motion = fr.random_fourier(ARM, 24.0, seed=seed)
+    loaded, bare = (
+        fr.simulate(ARM, motion, rate=100.0, effects=fr.BASELINE, parameters=SIZES | links, channels=())
+        for links in ({name: usual[name] + x for name, x in body.items()}, {})
+    )
+    rng = np.random.default_rng(2)
+    tau = np.where(loaded.t[:, None] < dropped, loaded.tau, bare.tau) + NOISE * rng.normal(size=loaded.tau.shape)
+    q = loaded.q + 1e-6 * rng.normal(size=loaded.q.shape)
+    assert not diagnosed(replace(loaded, q=q, tau=tau, source="dropped")).limits
+
+
 @pytest.mark.parametrize(
     ("effect", "value"), [("joint_spring@joint1", {"ks1": 8.0}), ("drive_gain@joint1", {"gain1": 0.2})]
 )

@@ -172,6 +172,24 @@ def test_a_body_of_which_four_numbers_act_is_judged_by_four():
     assert abs(found.mass - 0.013) < found.bound["mass"]
 
 
+def test_numbers_that_the_log_does_not_determine_are_no_measurement():
+    """On a planar arm, the height of the body acts on no joint; a command to enter 0 m was printed."""
+    arm = Robot.load("planar2")
+    logs = [
+        simulate(arm, random_fourier(arm, 20.0, seed=seed), rate=100, noise=Noise(tau=0.02), parameters=values)
+        for seed, values in ((1, {}), (2, _heavier(arm, 2.0)))
+    ]
+    found = payload(identify(arm, logs[:1], recursion="none").model, logs[1:])
+    assert min(found.from_log[name] for name in ("mass", "x", "y", "Izz")) > 0.5
+    (said,) = (note for note in found.notes if "no measurement" in note)
+    assert said.startswith("the log hardly determines z, Ixx, Ixy, Iyy, Ixz and Iyz: these values are")
+
+
+def _heavier(arm, mass):
+    own = dict(zip(arm.all_names, arm.nominal, strict=True))
+    return {name: own[name] + mass * x for name, x in (("m2", 1.0), ("mx2", 0.5), ("Izz2", 0.25))}
+
+
 def test_a_joint_that_rests_is_no_joint_without_error():
     """Its error of zero had halved the mean of the error without the body."""
     arm, t = Robot.load("planar2"), np.arange(0, 6, 0.01)

@@ -97,6 +97,41 @@ def test_a_lag_longer_than_sampling_explains_is_left_to_the_user():
     assert "time_delay" in found.torque_lag.warning
 
 
+@pytest.mark.parametrize("seed", [2, 3])
+def test_the_standard_error_of_a_long_lag_holds(seed):
+    """On a fast motion, the first term of the series in the lag is too short by many standard errors."""
+    log = fr.simulate(
+        ROBOT, fr.random_fourier(ROBOT, 20.0, seed=seed, harmonics=60), rate=200.0, effects=fr.BASELINE,
+        parameters=FRICTION, noise=fr.Noise(q=1e-6, tau=0.005), channels=(), seed=seed,
+    )  # fmt: skip
+    lag = fitted(late(log, 0.02)).torque_lag
+    assert lag.significant
+    assert lag.error < 2e-5
+    assert abs(lag.lag - 0.02) < 3 * lag.error
+
+
+@pytest.mark.parametrize("seed", [1, 2])
+def test_a_lag_of_slow_logs_is_taken_back_and_no_effect_is_missing(seed):
+    """A leg with coarse encoders. The lag turns the parameters, too: that correction is no doubt about the lag."""
+    leg = fr.Robot.load("hyq_no_sensors", joints=["lf_haa_joint", "lf_hfe_joint", "lf_kfe_joint"])
+    drives = {"fv1": 0.1, "fv2": 0.05, "fv3": 0.02, "fc1": 0.2, "fc2": 0.12, "fc3": 0.06}
+    drives |= {"Ia1": 0.2, "Ia2": 0.1, "Ia3": 0.03}
+    logs = [
+        late(
+            fr.simulate(
+                leg, fr.random_fourier(leg, 20.0, seed=k), rate=250.0, effects=fr.BASELINE, parameters=drives,
+                noise=fr.Noise(q=8e-5, tau=0.01), channels=(), seed=k,
+            ),
+            0.0024,
+        )
+        for k in (seed, seed + 10)
+    ]  # fmt: skip
+    found = fr.identify(leg, logs, recursion="none")
+    assert found.torque_lag.error < 2e-4
+    assert found.torque_lag.taken == pytest.approx(0.0024, abs=4 * found.torque_lag.error)
+    assert fr.diagnose(found.model, logs).verdict == "none"
+
+
 def test_a_given_lag_is_taken_and_the_lag_of_the_log_is_still_measured():
     found = fitted(late(recorded(2), 0.0025), torque_lag=0.002)
     assert found.model.lowpass.torque_lag == found.torque_lag.taken == 0.002
@@ -158,7 +193,7 @@ def test_a_lag_of_one_joint_alone_is_no_lag_of_the_record():
 
 
 def test_a_joint_that_turns_a_body_of_revolution_does_not_hide_the_lag_of_the_others():
-    """The sixth joint of the Kinova moves no gravity: a lag of its viscous friction is rotor inertia."""
+    """The sixth joint of the Kinova moves no gravity: a lag of its viscous friction is all but rotor inertia."""
     robot = fr.Robot.load("kinova")
     friction = {f"{name}{j}": x for name, x in (("fv", 0.3), ("fc", 0.2), ("Ia", 0.05)) for j in range(1, 7)}
     log = fr.simulate(
@@ -167,7 +202,7 @@ def test_a_joint_that_turns_a_body_of_revolution_does_not_hide_the_lag_of_the_ot
     )  # fmt: skip
     lag = fr.identify(robot, [late(log, 0.004)], recursion="none").torque_lag
     silent = lag.joints[-1]
-    assert silent.error == 0.0
+    assert silent.error > 0.05  # s: no lag of a log is as long
     assert not silent.significant
     assert lag.differing == ()
     assert lag.taken == pytest.approx(0.004, abs=4 * lag.error)
