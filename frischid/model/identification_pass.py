@@ -24,6 +24,7 @@ from frischid.estimators.held_out import Fold, held_out_variance
 from frischid.estimators.least_squares import least_squares_folds
 from frischid.estimators.map_estimate import map_folds
 from frischid.estimators.urdf_prior import UrdfPrior
+from frischid.logs.filters import decimate
 from frischid.model.comparison import Comparison, ModelErrors
 from frischid.model.fit_record import FitRecord
 from frischid.model.identification_alarms import fit_record, model_share
@@ -33,8 +34,6 @@ from frischid.model.lag_sums import LagSums
 from frischid.model.model import Model
 from frischid.model.residual_scores import ResidualScores
 from frischid.model.torque_lag import TorqueLag, torque_lag
-from frischid.regression.chunks import filtered_chunks
-from frischid.regression.regressor import EFFECT_SAMPLES
 
 LEAST_SPREAD = 1e-150
 """N·m (N). Spread of a torque that never changes: its error is not divided by zero."""
@@ -135,13 +134,9 @@ def _measured_torque(bounds: Bounds) -> TorqueSums:
     index = [data.robot.joints.index(name) for name in data.joints]
     sums = TorqueSums(len(index))
     for motion in data.motions:
-        torque = motion.tau[:, index]
-
-        def fill(part: slice, out: Array, torque: Array = torque) -> None:
-            out[:] = torque[part]
-
-        for _, tau, standstill in filtered_chunks(motion, data.lowpass, (len(index),), fill, EFFECT_SAMPLES):
-            sums.add_torque(tau, problem.regressor.counted(standstill)[:, index].astype(float))
+        taps, every = data.lowpass.taps(motion.step), data.lowpass.decimation(motion.step)
+        used = problem.regressor.counted(decimate(abs(taps), motion.standstill.astype(float), every))
+        sums.add_torque(decimate(taps, motion.tau[:, index], every), used[:, index].astype(float))
     return sums
 
 

@@ -36,7 +36,7 @@ STANDSTILL_WEIGHT = 0.01
 """Share of a filtered sample's weight that may come from standstill before its torque is left out."""
 KEPT_STATE_BYTES = 8 * 2**20
 """Bytes of the state of one motion, with its slopes, up to which it is kept: 80 s of a six-joint arm at 100 Hz."""
-_STATES = Remembered[State]()
+_MOTION_STATES = Remembered[State]()
 
 
 class Regressor:
@@ -242,7 +242,7 @@ class Regressor:
             return self._state_with(motion, used)
         reference = tuple(values[c.name] for c in columns_of(self.robot, used))
         key = (self.robot, tuple((type(e), str(e)) for e in used), reference, self.dry.tobytes())
-        return _STATES.of(motion, key, lambda: self._state_with(motion, used))
+        return _MOTION_STATES.of(motion, key, lambda: self._state_with(motion, used))
 
     def _state_with(self, motion: Motion, used: Sequence[Effect]) -> State:
         static = self.with_effects(used)  # effects that were added after the reference have none there
