@@ -127,18 +127,18 @@ def improve(
         progress(f"diagnosis {len(steps) + 1}")
         before = len(refused)
         diagnosis = diagnose(model, logs, situation=situation, effects=effects, criteria=criteria, progress=progress)
-        step = next_step(model, diagnosis, logs, refused) if len(steps) < most else None
-        while step is None and len(refused) > before:  # the findings were ranked beside those that are refused now
+        tried = next_trial(model, diagnosis, logs, refused) if len(steps) < most else None
+        while tried is None and len(refused) > before:  # the findings were ranked beside those that are refused now
             before = len(refused)
             others = [name for name in (EFFECTS if effects is None else effects) if name not in refused]
             again = diagnose(model, logs, situation=situation, effects=others, criteria=criteria, progress=progress)
-            step = next_step(model, again, logs, refused)
-        if step is None:
+            tried = next_trial(model, again, logs, refused)
+        if tried is None:
             notes = [f"{refusal.finding.title} was not added: {refusal.reason}" for refusal in refused.values()]
             if valid:
                 diagnosis = replace(diagnosis, headline=headline(model, valid))
             return steps, replace(diagnosis, notes=(*diagnosis.notes, *notes))
-        steps.append(tested(model, step, valid))
+        steps.append(tested(model, tried.step(), valid))
         model = steps[-1].model
 
 
@@ -167,10 +167,10 @@ def _before_change(
     )[0]
 
 
-def next_step(
+def next_trial(
     model: Model, diagnosis: Diagnosis, logs: Sequence[Log | Recording], refused: dict[str, Refusal]
-) -> Step | None:
-    """The step that `improve` takes after a diagnosis: that of the first finding that is accepted.
+) -> Trial | None:
+    """The trial of the step that `improve` takes after a diagnosis: that of the first finding that is accepted.
 
     Parameters
     ----------
@@ -183,7 +183,7 @@ def next_step(
 
     Returns
     -------
-    Step or None
+    Trial or None
         None where no finding is accepted.
     """
     for finding in diagnosis.findings:
@@ -195,7 +195,7 @@ def next_step(
         if tried is None and len(finding.members) > 1:
             tried = _harmless_part(model, diagnosis, finding, logs)
         if tried is not None:
-            return tried.step()
+            return tried
         refused[finding.effect] = Refusal(finding, reason)
     return None
 

@@ -30,13 +30,14 @@ from frischid.diagnosis.change_prior import load_reference
 from frischid.diagnosis.criteria import DIAGNOSIS_CRITERIA, DiagnosisCriteria
 from frischid.effects import Effect, State
 from frischid.estimators.held_out import MOST_OF_A_JOINT
-from frischid.logs.filters import decimating_filter
+from frischid.logs.filters import decimate, decimating_filter
 from frischid.logs.log import Log
 from frischid.logs.preprocessing import Motion
 from frischid.logs.recording import Recording
 from frischid.model.model import Model
 from frischid.model.model_parts import robot_text
-from frischid.regression.regressor import Regressor
+from frischid.regression.joint_rows import JointRows
+from frischid.regression.regressor import CHUNK_SAMPLES, Regressor
 
 UNLIKE_THE_OTHERS = 1.5
 """Share of a joint's rows in one log over that of the average joint, above which the joints move in different logs."""
@@ -79,10 +80,8 @@ class MotionCache:
         self.prepared = model.motions(logs)
         self.store = Store()
         self.position = {j: row for row, j in enumerate(model.torque_index)}
-        place = {column: k for k, column in enumerate(model.base)}
-        base = [np.array([c for c in self.regressor.active[j] if c in place], dtype=int) for j in self.position]
-        self._columns = [np.append(columns, len(self.regressor.columns)) for columns in base]
-        self.active = [np.array([place[c] for c in columns.tolist()], dtype=int) for columns in base]
+        self._rows = JointRows.of(self.regressor, model.joints, model.base)
+        self.active = [ends[:-1] for ends in self._rows.ends]
         self.motions: list[CachedMotion] = []
         self.blocks = 0
         most = criteria.max_folds
@@ -101,15 +100,12 @@ class MotionCache:
         times: list[Array] = []
         used: list[NDArray[np.bool_]] = []
         Z: list[list[Array]] = [[] for _ in index]
-        known: list[list[Array]] = [[] for _ in index if self.model.robot.known]
-        for block in self.regressor.blocks(motion, lowpass):
-            times.append(block.t)
-            used.append(block.used)
-            for parts, columns, j in zip(Z, self._columns, index, strict=True):
-                parts.append(block.Z[:, columns, j][block.used[:, j]])
-            for parts, j in zip(known, index, strict=False):
-                parts.append(block.known[:, j][block.used[:, j]])
-        moving = np.concatenate(used)
+        for t, rows, counts in self._rows.chunks(motion, lowpass, CHUNK_SAMPLES):
+            times.append(t)
+            used.append(counts)
+            for parts, own in zip(Z, self._rows.of_joints(rows, counts), strict=True):
+                parts.append(own[:, :-1].copy())
+        moving, known = np.concatenate(used), self._known_torque(motion)
         return CachedMotion(
             number=len(self.motions),
             source=motion.source,
@@ -124,10 +120,18 @@ class MotionCache:
             counts=[int(n) for n in moving[:, index].sum(axis=0)],
             t=self.store.put(np.concatenate(times)),
             Z=[self.store.put(np.concatenate(parts)) for parts in Z],
-            known=[self.store.put(np.concatenate(parts)) for parts in known],
+            known=[] if known is None else [self.store.put(known[moving[:, j], j]) for j in index],
             picked=[self.store.put(np.flatnonzero(moving[:, j]).astype(np.int32)) for j in index],
             state=stored_state(self.regressor.state(motion), self.store),
         )
+
+    def _known_torque(self, motion: Motion) -> Array | None:
+        """Filtered torque of known parameters, (M, J); None where there is none."""
+        torque = self.model.robot.known_torque(motion.q, motion.v, motion.a)
+        if torque is None:
+            return None
+        lowpass = self.model.lowpass
+        return decimate(lowpass.taps(motion.step), torque, lowpass.decimation(motion.step))
 
     def state(self, motion: CachedMotion) -> State:
         """Unfiltered state of a motion."""

@@ -27,7 +27,7 @@ from frischid.logs.recording import Recording
 from frischid.model.comparison import compare
 from frischid.model.events import cross_validated_nrmse, measured_within
 from frischid.model.headline import cross_validated, from_fit
-from frischid.model.identification import assess, cross_validated_error, identify_again
+from frischid.model.identification import assess_again, identify_again
 from frischid.model.identification_stages import read_logs
 from frischid.model.identify_options import IdentifyOptions
 from frischid.model.log_data import Journal
@@ -69,14 +69,14 @@ def known_error(model: Model, logs: Sequence[Log | Recording]) -> float | None:
 
 @dataclass(frozen=True, eq=False)
 class Refit:
-    """A model fitted again. Most refits are refused, so its alarms and its history wait until they are asked for."""
+    """A model fitted again. Most refits are refused, so record, alarms and history wait until they are asked for."""
 
     model: Model
-    """Without a history; of a changed robot, as `complete` gives it."""
+    """Without a history and a record of its logs; of a changed robot, as `complete` gives it."""
     error: float
     """Cross-validated NRMSE on the logs of the fit."""
     complete: Callable[[], Model]
-    """The model with a history of one event, which states this error."""
+    """The model with its record, and with a history of one event, which states this error."""
 
 
 def refitted(
@@ -103,8 +103,8 @@ def refitted(
     again = identify_again(model.robot, logs, effects, _options(model, criteria))
     return Refit(
         replace(again.model, lowpass=model.lowpass),
-        cross_validated_error(again),
-        lambda: replace(assess(again).model, lowpass=model.lowpass),
+        again.nrmse,
+        lambda: replace(assess_again(again).model, lowpass=model.lowpass),
     )
 
 

@@ -47,7 +47,7 @@ from frischid.logs.recording import Recording
 from frischid.model.comparison import compare
 from frischid.model.headline import headline
 from frischid.model.model import Model
-from frischid.model.own_logs import own_logs
+from frischid.model.own_logs import OwnLogs, own_logs
 
 _TOUCHED = (
     "something touched the robot in the given logs, so these logs select; else they show only the error that the "
@@ -81,6 +81,8 @@ class Decided(NamedTuple):
     """The model with the effects that its own logs show; the model itself where they show none."""
     touched: bool = False
     """Whether the logs of a robot that has not changed show bursts, as of a touch, which the own logs do not have."""
+    own: OwnLogs | None = None
+    """The model's own logs, where they were looked for and do not test."""
 
 
 def decided_situation(
@@ -106,21 +108,22 @@ def decided_situation(
     """
     if situation == "always" or any(model.made_from(log) for log in logs):
         return Decided("changed" if situation == "changed" else "always", None, model)
-    own, before, found = logs_before_change(model, valid), model, None
+    looked, before, found = own_logs(model, tuple(valid)), model, None
+    own = _moving(model, looked)
     if own:
         found = diagnose(model, own, valid=logs, situation="always", criteria=criteria)
     effects = () if found is None else tuple(e for f in always_missing(found) for e in f.members)
     if effects:
         before = refitted(model, (*model.effects, *effects), own, "always", criteria).complete()
     if situation == "changed":
-        return Decided("changed", found, before)
+        return Decided("changed", found, before, own=looked)
     validator, seen = cross_validator(model, [excerpt(log).log for log in logs], criteria=criteria)
     if found is None or found.fit is None:
-        return Decided(seen, found, before)
+        return Decided(seen, found, before, own=looked)
     expected = {joint.name: joint.expected * joint.std for joint in compare(before, logs).joints}
     if not of_the_training_logs(found.fit, validator, effects, expected):
-        return Decided("changed", found, before)
-    return Decided("always", found, before, _touched(model, own, logs, validator, criteria))
+        return Decided("changed", found, before, own=looked)
+    return Decided("always", found, before, _touched(model, own, logs, validator, criteria), looked)
 
 
 def _touched(
@@ -141,8 +144,11 @@ def _touched(
 
 def logs_before_change(model: Model, valid: Sequence[Log | Recording] = ()) -> tuple[Log | Recording, ...]:
     """The model's own logs that are found again and do not test; none where nothing moves in them."""
-    own = own_logs(model, tuple(valid)).logs
-    return own if in_motion(own, model.robot.joints) else ()
+    return _moving(model, own_logs(model, tuple(valid)))
+
+
+def _moving(model: Model, own: OwnLogs) -> tuple[Log | Recording, ...]:
+    return own.logs if in_motion(own.logs, model.robot.joints) else ()
 
 
 def always_missing(found: Diagnosis) -> list[Finding]:
@@ -170,9 +176,9 @@ def roles(
     if logs and not in_motion(logs, model.robot.joints):
         return Roles(tuple(logs), tuple(valid), situation, "")
     own = tuple(log for log in logs if model.made_from(log))
-    diagnosis = None
+    diagnosis = looked = None
     if situation == "changed" or (situation == "auto" and not own):
-        situation, diagnosis, before, touched = decided_situation(model, logs, situation, valid=valid)
+        situation, diagnosis, before, touched, looked = decided_situation(model, logs, situation, valid=valid)
         if touched:
             here = diagnose(model, logs, valid=valid, situation="always")
             if here.verdict == "contact":
@@ -184,7 +190,7 @@ def roles(
         return Roles(tuple(logs), tuple(valid), situation, _note_before_change(always), before=before, always=always)
     others = tuple(log for log in logs if not model.made_from(log))
     tested = {log.identity for log in valid}
-    found = own_logs(model, own)
+    found = looked or own_logs(model, own)
     more = tuple(log for log in found.logs if log.identity not in tested)
     if not own and not more:
         return Roles(others, tuple(valid), situation, _alone(found.reasons))

@@ -268,7 +268,7 @@ class ModelErrors:
             No joint moves, or no torque changes.
         """
         sums = self._moving
-        changing = (sums.count >= 2) & (sums.std > 1e-7 * np.sqrt(sums.tau2 / np.maximum(sums.count, 1)))
+        changing = sums.changing
         if not changing.any():
             raise InputError(
                 f"{', '.join(sources)}: no joint moves with a torque that changes: there is nothing to compare. "

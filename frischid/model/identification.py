@@ -31,8 +31,8 @@ from frischid.model.amperes import JointCurrents, in_amperes
 from frischid.model.comparison import Comparison, compare
 from frischid.model.headline import Headline, from_fit
 from frischid.model.identification_alarms import fit_alarms, held_at_poses, unpredicted
-from frischid.model.identification_bounds import Bounds, bound_parameters
-from frischid.model.identification_pass import Measured, measured
+from frischid.model.identification_bounds import bound_parameters
+from frischid.model.identification_pass import LEAST_SPREAD, Folded, Measured, folded, measured
 from frischid.model.identification_stages import (
     fit_parameters,
     form_moments,
@@ -197,12 +197,12 @@ def identify(
     check_robot(robot)
     logs, valid = as_logs(logs, robot.joints, mapping), as_logs(valid, robot.joints, mapping, "valid")
     settings = replace(options or IdentifyOptions(), **choices)
-    found = measured(_bounded(robot, logs, valid, effects, settings, Journal(progress)))
+    found = measured(_folded(robot, logs, valid, effects, settings, Journal(progress)))
     lag = found.lag
     if settings.torque_lag == "auto" and lag is not None and lag.below_grain:
         progress(f"again, with a torque that is {1e3 * lag.lag:.3g} ms late")
         settings = replace(settings, torque_lag=lag.lag)
-        again = measured(_bounded(robot, logs, valid, effects, settings, Journal(progress)))
+        again = measured(_folded(robot, logs, valid, effects, settings, Journal(progress)))
         found = again if _left_out(again) < _left_out(found) else _as_recorded(found, lag)
     motions = found.bounds.fit.problem.data.some_motions
     return assess(found, speed_range(found.model, motions, _left_out(found), settings.alarm_criteria))
@@ -219,33 +219,30 @@ def _as_recorded(found: Measured, lag: TorqueLag) -> Measured:
     return replace(found, lag=replace(lag, significant=False))
 
 
-def identify_again(robot: Robot, logs: Sequence[Data], effects: Sequence[Effect], options: IdentifyOptions) -> Measured:
-    """The fit of `identify` to logs that were identified from before: the lag of their torque is known already.
+def identify_again(robot: Robot, logs: Sequence[Data], effects: Sequence[Effect], options: IdentifyOptions) -> Folded:
+    """The fit of `identify` to logs that were identified from before.
 
-    `assess` makes its model with alarms and history.
+    `assess_again` makes its model with record, alarms and history.
     """
-    bounds = _bounded(robot, logs, (), effects, options, Journal(lambda _: None))
-    return measured(bounds, with_lag=False)
+    return _folded(robot, logs, (), effects, options, Journal(lambda _: None))
 
 
-def cross_validated_error(found: Measured) -> float:
-    """NRMSE on stretches that were left out of the fit, mean over the joints that move, as `assess` states it."""
-    if found.there is None:
-        return float(np.mean(list(_by_joint(found).values())))
-    return from_fit(found.there, _rms(found)).nrmse
+def assess_again(found: Folded) -> Identification:
+    """The rest of `identify`: the lag of the logs' torque is known already."""
+    return assess(measured(found, with_lag=False))
 
 
-def _bounded(
+def _folded(
     robot: Robot,
     logs: Sequence[Data],
     valid: Sequence[Data],
     effects: Sequence[Effect] | None,
     options: IdentifyOptions,
     journal: Journal,
-) -> Bounds:
-    """Stages 1 to 5."""
+) -> Folded:
+    """Stages 1 to 5, and the fits of the cross-validation."""
     problem = form_moments(read_logs(robot, logs, valid, options, journal), effects)
-    return bound_parameters(fit_parameters(set_prior(problem)))
+    return folded(bound_parameters(fit_parameters(set_prior(problem))))
 
 
 def assess(found: Measured, speeds: SpeedRange | None = None) -> Identification:
@@ -326,5 +323,5 @@ def _by_joint(found: Measured) -> dict[str, float]:
 
 def _nrmse(found: Measured) -> list[float]:
     """Error of each joint on stretches left out of the fit, over the standard deviation of its measured torque."""
-    spread = np.maximum(found.spread, 1e-150)  # a torque that never changes
+    spread = np.maximum(found.spread, LEAST_SPREAD)
     return [float(x) for x in np.sqrt(found.variance) / spread]

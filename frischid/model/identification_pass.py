@@ -2,7 +2,8 @@
 
     fit → folds (cross-validation) → one pass: e = τ − Y θ → error, floor, quantiles of |e| / σ, lag d
 
-All of them need the residuals sample by sample, so the logs are evaluated once for all.
+All of them need the residuals sample by sample, so the logs are evaluated once for all. The cross-validated error needs
+the moments and the torque alone: a refit that is refused makes no pass.
 
 Least squares is fitted again without each stretch. The other estimators (the Frisch point, sensor-wise, EIV, IV) move
 the parameters away from least squares by Δ. Their folds are those of least squares moved by the same Δ, so the error is
@@ -13,6 +14,7 @@ from __future__ import annotations
 
 from collections.abc import Sequence
 from dataclasses import dataclass, replace
+from functools import cached_property
 
 import numpy as np
 
@@ -22,14 +24,54 @@ from frischid.estimators.held_out import Fold, held_out_variance
 from frischid.estimators.least_squares import least_squares_folds
 from frischid.estimators.map_estimate import map_folds
 from frischid.estimators.urdf_prior import UrdfPrior
+from frischid.logs.filters import decimate
 from frischid.model.comparison import Comparison, ModelErrors
 from frischid.model.fit_record import FitRecord
 from frischid.model.identification_alarms import fit_record, model_share
 from frischid.model.identification_bounds import Bounds, recursion_record
+from frischid.model.joint_fit import TorqueSums
 from frischid.model.lag_sums import LagSums
 from frischid.model.model import Model
 from frischid.model.residual_scores import ResidualScores
 from frischid.model.torque_lag import TorqueLag, torque_lag
+
+LEAST_SPREAD = 1e-150
+"""N·m (N). Spread of a torque that never changes: its error is not divided by zero."""
+
+
+@dataclass(frozen=True, eq=False)
+class Folded:
+    """A fit, and the same fit without each stretch of its logs."""
+
+    bounds: Bounds
+    folds: tuple[Fold, ...]
+
+    @cached_property
+    def variance(self) -> Array:
+        """Mean square error of each joint on stretches left out of the fit, (N·m)² (N²), (J,)."""
+        return held_out_variance(self.folds)
+
+    @cached_property
+    def nrmse(self) -> float:
+        """NRMSE on stretches left out of the fit, mean over the joints that move, as `assess` states it."""
+        torque = _measured_torque(self.bounds)
+        compared = torque.changing if torque.changing.any() else np.ones(torque.joints, bool)
+        return float(np.mean((np.sqrt(self.variance) / np.maximum(torque.std, LEAST_SPREAD))[compared]))
+
+    @cached_property
+    def model(self) -> Model:
+        """The fitted model, as yet without a history and without a record of its logs."""
+        return _model(self.bounds, None)
+
+
+def folded(bounds: Bounds) -> Folded:
+    """Fit again without each stretch of the logs."""
+    fit, problem = bounds.fit, bounds.fit.problem
+    problem.data.journal.stage("cross-validation")
+    if fit.posterior is not None:
+        return Folded(bounds, map_folds(problem.blocks, problem.reduction.mapping, fit.posterior))
+    folds = least_squares_folds(problem.blocks, bounds.estimate.weights)
+    return Folded(bounds, _moved(folds, bounds.estimate.theta - fit.estimate.theta))
 
 
 @dataclass(frozen=True, eq=False)
@@ -49,21 +91,13 @@ class Measured:
     """Standard deviation of each joint's measured torque, N·m (N), (J,)."""
 
 
-def measured(bounds: Bounds, *, with_lag: bool = True) -> Measured:
+def measured(found: Folded, *, with_lag: bool = True) -> Measured:
     """The model with its record, its comparison with its own logs, and the lag of their torque if it is asked for."""
-    fit, problem, data = bounds.fit, bounds.fit.problem, bounds.fit.problem.data
-    data.journal.stage("cross-validation")
-    if fit.posterior is None:
-        folds = _moved(
-            least_squares_folds(problem.blocks, bounds.estimate.weights), bounds.estimate.theta - fit.estimate.theta
-        )
-    else:
-        folds = map_folds(problem.blocks, problem.reduction.mapping, fit.posterior)
-    data.journal.stage("comparison")
+    bounds, problem = found.bounds, found.bounds.fit.problem
+    problem.data.journal.stage("comparison")
     lags = LagSums(problem, bounds.estimate, wanted=with_lag)
-    model, there, spread = _compared(bounds, ResidualScores(problem, folds, bounds.estimate), lags)
-    lag = torque_lag(problem, bounds.estimate, lags)
-    return Measured(bounds, held_out_variance(folds), model, there, lag, spread)
+    model, there, spread = _compared(bounds, ResidualScores(problem, found.folds, bounds.estimate), lags)
+    return Measured(bounds, found.variance, model, there, torque_lag(problem, bounds.estimate, lags), spread)
 
 
 def _moved(folds: Sequence[Fold], step: Array) -> tuple[Fold, ...]:
@@ -94,7 +128,19 @@ def _compared(bounds: Bounds, scores: ResidualScores, lags: LagSums) -> tuple[Mo
     return replace(model, fitted=record), there, spread
 
 
-def _model(bounds: Bounds, record: FitRecord) -> Model:
+def _measured_torque(bounds: Bounds) -> TorqueSums:
+    """Sums of the measured torque of the samples that the pass compares."""
+    problem, data = bounds.fit.problem, bounds.fit.problem.data
+    index = [data.robot.joints.index(name) for name in data.joints]
+    sums = TorqueSums(len(index))
+    for motion in data.motions:
+        taps, every = data.lowpass.taps(motion.step), data.lowpass.decimation(motion.step)
+        used = problem.regressor.counted(decimate(abs(taps), motion.standstill.astype(float), every))
+        sums.add_torque(decimate(taps, motion.tau[:, index], every), used[:, index].astype(float))
+    return sums
+
+
+def _model(bounds: Bounds, record: FitRecord | None) -> Model:
     """The model, as yet without a history."""
     fit, problem, data = bounds.fit, bounds.fit.problem, bounds.fit.problem.data
     return Model(

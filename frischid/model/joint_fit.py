@@ -60,30 +60,56 @@ class JointFit:
 
 
 @dataclass(eq=False)
-class ErrorSums:
-    """Running sums over the samples of all joints."""
+class TorqueSums:
+    """Running sums of the measured torque over the samples of all joints."""
 
     joints: int
-    samples: int = 0
     count: Array = field(init=False)
     tau: Array = field(init=False)
     tau2: Array = field(init=False)
+
+    def __post_init__(self) -> None:
+        self.count, self.tau, self.tau2 = np.zeros((3, self.joints))
+
+    def add_torque(self, measured: Array, used: Array) -> None:
+        """Add torques and whether they count, (M, J)."""
+        self.count += used.sum(axis=0)
+        self.tau += (measured * used).sum(axis=0)
+        self.tau2 += (measured**2 * used).sum(axis=0)
+
+    @property
+    def std(self) -> Array:
+        """Standard deviation of each joint's torque, shape (J,)."""
+        count = np.maximum(self.count, 1)
+        return np.asarray(np.sqrt(np.maximum(self.tau2 / count - (self.tau / count) ** 2, 0.0)))
+
+    @property
+    def changing(self) -> NDArray[np.bool_]:
+        """Joints that move with a torque that changes, (J,): only their errors can be measured."""
+        rms = np.sqrt(self.tau2 / np.maximum(self.count, 1))
+        return np.asarray((self.count >= 2) & (self.std > 1e-7 * rms))
+
+
+@dataclass(eq=False)
+class ErrorSums(TorqueSums):
+    """The same with the sums of a model's errors."""
+
+    samples: int = 0
     error: Array = field(init=False)
     error2: Array = field(init=False)
     nominal2: Array = field(init=False)
     worst: list[Worst | None] = field(init=False)
 
     def __post_init__(self) -> None:
-        self.count, self.tau, self.tau2, self.error, self.error2, self.nominal2 = np.zeros((6, self.joints))
+        super().__post_init__()
+        self.error, self.error2, self.nominal2 = np.zeros((3, self.joints))
         self.worst = [None] * self.joints
 
     def add(self, t: Array, measured: Array, predicted: Array, nominal: Array, used: Array, source: str) -> None:
         """Add samples: times (M,), torques and whether they count, (M, J)."""
+        self.add_torque(measured, used)
         residual = (measured - predicted) * used
         self.samples += len(t)
-        self.count += used.sum(axis=0)
-        self.tau += (measured * used).sum(axis=0)
-        self.tau2 += (measured**2 * used).sum(axis=0)
         self.error += residual.sum(axis=0)
         self.error2 += (residual**2).sum(axis=0)
         self.nominal2 += ((measured - nominal) ** 2 * used).sum(axis=0)
@@ -99,9 +125,3 @@ class ErrorSums:
             setattr(found, name, getattr(self, name)[kept])
         found.worst = [worst for worst, stays in zip(self.worst, kept, strict=True) if stays]
         return found
-
-    @property
-    def std(self) -> Array:
-        """Standard deviation of each joint's torque, shape (J,)."""
-        count = np.maximum(self.count, 1)
-        return np.asarray(np.sqrt(np.maximum(self.tau2 / count - (self.tau / count) ** 2, 0.0)))

@@ -27,6 +27,8 @@ from frischid.regression.regressor import EFFECT_SAMPLES, Regressor
 CACHE_BYTES = 2**19
 """Bytes of the array that holds all columns of some samples: half a megabyte stays in the cache of a core."""
 
+Chunk = tuple[Array, Array, NDArray[np.bool_]]
+
 
 @dataclass(frozen=True, eq=False)
 class JointRows:
@@ -74,8 +76,11 @@ class JointRows:
             tuple(np.append(o, len(kept)) for o in own),
         )
 
-    def chunks(self, motion: Motion, lowpass: LowPass, chunk: int) -> Iterator[tuple[Array, NDArray[np.bool_]]]:
-        """Filtered chunks (M, W) of a motion and whether each torque counts; the next overwrites the one before."""
+    def chunks(self, motion: Motion, lowpass: LowPass, chunk: int) -> Iterator[Chunk]:
+        """Filtered chunks of a motion: times (M,), rows (M, W) and whether each torque counts, (M, J).
+
+        The next chunk overwrites the rows of the one before.
+        """
         regressor, samples = self.regressor, Samples.of(motion)
         J, rigid = len(regressor.robot.joints), len(regressor.robot.columns)
         beside = self._beside_the_links(motion)
@@ -92,8 +97,8 @@ class JointRows:
                 there = out[first - part.start : some.stop - part.start]
                 np.take(row, self.taken, axis=1, out=there, mode="clip")  # without a check of each place
 
-        for _, Z, standstill in filtered_chunks(motion, lowpass, self.taken.shape, fill, chunk, shared=True):
-            yield Z, regressor.counted(standstill)
+        for t, Z, standstill in filtered_chunks(motion, lowpass, self.taken.shape, fill, chunk, shared=True):
+            yield t, Z, regressor.counted(standstill)
 
     def _beside_the_links(self, motion: Motion) -> Callable[[slice], Array]:
         """Effects, torques and a one of some samples, (n, K + J + 1); computed for many samples at once."""
@@ -118,12 +123,12 @@ class JointRows:
 
         return beside
 
-    def gram(self, chunks: Iterable[tuple[Array, NDArray[np.bool_]]]) -> PackedGram:
+    def gram(self, chunks: Iterable[Chunk]) -> PackedGram:
         """Moments of at least one chunk together."""
         squares: list[Array] = []
         counts, sums = np.zeros(len(self.joints)), np.zeros((len(self.joints), len(self.columns) + 1))
-        for Z, used in chunks:
-            rows = self._rows(Z, used)
+        for _, Z, used in chunks:
+            rows = self.of_joints(Z, used)
             products = [z.T @ z for z in rows]
             squares = [a + b for a, b in zip(squares, products, strict=True)] if squares else products
             counts += [len(z) for z in rows]
@@ -131,8 +136,8 @@ class JointRows:
             sums[row, ends] = square[-1, :-1]
         return PackedGram(self.columns, self.joints, self.ends, tuple(x[:-1, :-1] for x in squares), sums, counts)
 
-    def _rows(self, Z: Array, used: NDArray[np.bool_]) -> list[Array]:
-        """The rows of each joint that count, (n, numbers of the joint)."""
+    def of_joints(self, Z: Array, used: NDArray[np.bool_]) -> list[Array]:
+        """The rows of each joint that count, (n, numbers of the joint); views of the chunk where all of them count."""
         every = np.asarray(used.all(axis=0))
         parts = zip(self.index, self.parts, strict=True)
         return [Z[:, part] if every[j] else Z[used[:, j], part] for j, part in parts]

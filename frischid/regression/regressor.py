@@ -18,6 +18,7 @@ from collections.abc import Iterator, Mapping, Sequence
 import numpy as np
 from numpy.typing import NDArray
 
+from frischid.core.remembered import Remembered
 from frischid.core.types import Array, Column
 from frischid.effects import Coulomb, Effect, State, columns_of
 from frischid.effects.dynamics import RigidDynamics
@@ -33,6 +34,9 @@ EFFECT_SAMPLES = 4096
 """Samples at which the torque of the effects is computed at once."""
 STANDSTILL_WEIGHT = 0.01
 """Share of a filtered sample's weight that may come from standstill before its torque is left out."""
+KEPT_STATE_BYTES = 8 * 2**20
+"""Bytes of the state of one motion, with its slopes, up to which it is kept: 80 s of a six-joint arm at 100 Hz."""
+_MOTION_STATES = Remembered[State]()
 
 
 class Regressor:
@@ -227,9 +231,20 @@ class Regressor:
         }
 
     def state(self, motion: Motion) -> State:
-        """State of a whole motion for effects, with the torque of the reference parameters (static columns only)."""
+        """State of a whole motion for effects, with the torque of the reference parameters (static columns only).
+
+        Refits with other effects read the same state: that of a short motion is computed once.
+        """
         values = dict(zip((c.name for c in self.columns), self.reference, strict=True))
         used = [e for e in self.effects if not e.memory and any(values[c.name] for c in e.columns(self.robot))]
+        samples, joints = motion.q.shape
+        if 8 * samples * joints * (2 + 3 * joints) > KEPT_STATE_BYTES:
+            return self._state_with(motion, used)
+        reference = tuple(values[c.name] for c in columns_of(self.robot, used))
+        key = (self.robot, tuple((type(e), str(e)) for e in used), reference, self.dry.tobytes())
+        return _MOTION_STATES.of(motion, key, lambda: self._state_with(motion, used))
+
+    def _state_with(self, motion: Motion, used: Sequence[Effect]) -> State:
         static = self.with_effects(used)  # effects that were added after the reference have none there
         load = static.load(motion)
         torque = load + static._torque_of_effects(motion, static.reference, load, {})

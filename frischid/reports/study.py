@@ -12,7 +12,7 @@ import numpy as np
 from frischid.core.text import listed
 from frischid.core.types import Array
 from frischid.diagnosis.findings import Finding
-from frischid.diagnosis.improvement import next_step
+from frischid.diagnosis.improvement import next_trial
 from frischid.diagnosis.result import Diagnosis
 from frischid.diagnosis.rivals import suspect_of
 from frischid.diagnosis.roles import diagnose_with, roles
@@ -232,10 +232,10 @@ def study(
     if diagnosis is None and given is not None:
         diagnosis = diagnose_with(model, given, progress=progress)
     refused: dict[str, Refusal] = {}
-    step = None
+    proposed = None
     if diagnosis is not None and given is not None and diagnosis.verdict in STEP_FOLLOWS:
         progress("trying the next step (stage 3 of 5)")
-        step = next_step(given.before or model, diagnosis, given.select, refused)
+        proposed = next_trial(given.before or model, diagnosis, given.select, refused)
     further = [(name, other) for name, other in named.items() if other is not model]
     others = [*earlier_steps(model, shown, prediction), *further_models(further, shown, prediction)]
     progress("parameters (stage 4 of 5)")
@@ -259,7 +259,7 @@ def study(
         tuple(others),
         tuple(compare(model, [log], part) for log, part in zip(shown, evaluated, strict=True)) if short else (),
         side_by_side(named, whole) if further else None,
-        None if step is None else step.finding,
+        None if proposed is None else proposed.finding,
         tuple(refused.values()),
         simulated_beside(model, recorded),
     )

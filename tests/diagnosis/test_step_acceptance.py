@@ -144,16 +144,16 @@ def test_an_effect_is_added_where_it_harms_nothing(monkeypatch):
     def accepted(model, diagnosis, finding, members, logs):
         tried.append((finding.joints, members))
         if len(members) == 1:
-            return SimpleNamespace(step=lambda: "the step"), ""
+            return "the trial", ""
         return None, "joint2 (error × 6) would become worse"
 
     monkeypatch.setattr(improvement, "_accepted", accepted)
     monkeypatch.setattr(improvement, "harmless", lambda validator, members: members[:1])
     refused = {}
-    found = improvement.next_step(
+    found = improvement.next_trial(
         SimpleNamespace(robot=robot), SimpleNamespace(findings=[finding], validator=None), [], refused
     )
-    assert (found, refused) == ("the step", {})
+    assert (found, refused) == ("the trial", {})
     assert tried == [(robot.joints, spring), (("joint1",), spring[:1])]
 
 
@@ -271,20 +271,20 @@ def test_a_shape_that_harms_at_standstill_gives_way_to_the_best_that_does_not(mo
         (member,) = members
         if member.distance in harmful:
             return None, improvement.RISES_AT_STANDSTILL
-        return SimpleNamespace(step=lambda: members, error_after=errors[member.distance]), ""
+        return SimpleNamespace(effects=members, error_after=errors[member.distance]), ""
 
     monkeypatch.setattr(improvement, "_accepted", judged)
     finding = SimpleNamespace(pays=True, members=(effect,), effect="hysteresis", joints=[])
     refused = {}
-    assert improvement.next_step(None, SimpleNamespace(findings=[finding]), [], refused) == (grid[-2],)
+    assert improvement.next_trial(None, SimpleNamespace(findings=[finding]), [], refused).effects == (grid[-2],)
     assert not refused
     harmful.update(errors)
-    assert improvement.next_step(None, SimpleNamespace(findings=[finding]), [], refused) is None
+    assert improvement.next_trial(None, SimpleNamespace(findings=[finding]), [], refused) is None
     assert refused == {"hysteresis": (finding, improvement.RISES_AT_STANDSTILL)}
 
 
-def test_a_refit_that_is_refused_has_no_alarms_made(monkeypatch):
-    """They took a quarter of the time of a refit, and most refits are refused."""
+def test_a_refit_that_is_refused_makes_no_alarms_and_no_pass_over_its_logs(monkeypatch):
+    """Both took more than half of the time of a refit, and most refits are refused."""
     machine, asked = Robot.load("planar2"), []
     log = simulate(machine, random_fourier(machine, 10.0, seed=1), rate=50.0, noise=Noise(tau=0.01), seed=1)
     model = identify(machine, [log], recursion="none").model
@@ -294,9 +294,11 @@ def test_a_refit_that_is_refused_has_no_alarms_made(monkeypatch):
     refit = refitted(model, effects, [log], "always", CRITERIA)
     assert not asked
     assert refit.model.history == ()
+    assert refit.model.fitted is None
     complete = refit.complete()
     assert len(asked) == 1
-    assert cross_validated_nrmse(complete.history) == refit.error
+    assert cross_validated_nrmse(complete.history) == pytest.approx(refit.error, rel=1e-12)
+    assert complete.fitted is not None
     assert np.array_equal(complete.estimate.theta, refit.model.estimate.theta)
 
 
@@ -317,7 +319,7 @@ def test_a_refused_effect_hides_no_other(monkeypatch):
             refused[finding.effect] = improvement.Refusal(finding, "it is a test")
 
     monkeypatch.setattr(improvement, "diagnose", watched)
-    monkeypatch.setattr(improvement, "next_step", refuse)
+    monkeypatch.setattr(improvement, "next_trial", refuse)
     names = ["joint_spring", "quadratic_viscous", "stribeck"]
     steps, last = improvement.improve(model, [log], effects=names)
     assert not steps
