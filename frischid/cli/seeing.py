@@ -13,9 +13,10 @@ from frischid.cli.arguments import (
     map_option,
     situation_option,
     torque_joints_option,
+    valid_option,
 )
 from frischid.cli.group import main
-from frischid.cli.inputs import model_of, models_of, opened_or_own, read
+from frischid.cli.inputs import model_of, models_of, opened, opened_or_own, read
 from frischid.cli.output import show_page, working
 from frischid.cli.paths import InputPath, OutputPath, also_written
 
@@ -26,6 +27,7 @@ MODEL_SUFFIX = ".json"  # no log has this suffix
 @click.argument("model", type=InputPath())
 @logs_argument("[MODEL]... [LOGS]...")
 @map_option
+@valid_option
 @situation_option
 @torque_joints_option
 @click.option("-o", "--output", type=OutputPath(), default="report.html", show_default=True, help="The HTML file.")
@@ -34,6 +36,7 @@ def report(
     model: str,
     logs: tuple[str, ...],
     mapping: MapFiles,
+    valid: tuple[str, ...],
     situation: Any,
     torque_joints: str | None,
     output: str,
@@ -56,7 +59,8 @@ def report(
     with working(as_json) as progress:
         progress("reading logs")
         data = opened_or_own(logs[len(further) :], loaded, mapping, progress)
-        study = run(models, data, output, situation=situation, model_path=model, progress=progress)
+        test = opened(valid, loaded.robot, mapping, progress)
+        study = run(models, data, output, valid=test, situation=situation, model_path=model, progress=progress)
     show_page(show.report(study, output), as_json)
 
 

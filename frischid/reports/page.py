@@ -34,6 +34,7 @@ def report(
     logs: Logs,
     path: str | Path,
     *,
+    valid: Logs = (),
     diagnosis: Diagnosis | None = None,
     situation: Literal["auto", "always", "changed"] = "auto",
     truth: Array | None = None,
@@ -52,6 +53,8 @@ def report(
         spread stretches; errors are those of all samples.
     path : str or Path
         The HTML file; it appears under this name only when complete.
+    valid : sequence of Log, Recording or data frame, or one data frame
+        Test logs in any case: the error at the top is that on these logs, and they select no effect.
     diagnosis : Diagnosis, optional
         Diagnosis of this model on these logs, if there is one already.
     situation : {"auto", "always", "changed"}
@@ -73,7 +76,7 @@ def report(
     Raises
     ------
     InputError
-        A log lacks a joint or its torque, or the file cannot be written.
+        A log lacks a joint or its torque, a log is given twice, or the file cannot be written.
 
     Examples
     --------
@@ -88,8 +91,9 @@ def report(
     """
     check_writable(path)
     first = next(iter(model.values()), None) if isinstance(model, Mapping) else model
-    logs = as_logs(logs, first.robot.joints if isinstance(first, Model) else (), mapping)
-    found = study(model, logs, diagnosis=diagnosis, situation=situation, truth=truth, progress=progress)
+    joints = first.robot.joints if isinstance(first, Model) else ()
+    logs, valid = as_logs(logs, joints, mapping), as_logs(valid, joints, mapping, "valid")
+    found = study(model, logs, valid=valid, diagnosis=diagnosis, situation=situation, truth=truth, progress=progress)
     progress("writing the page (stage 5 of 5)")
     write_text(Path(path), page(found, model_path))
     return found

@@ -23,7 +23,7 @@ from frischid.forward.simulated_beside import SimulatedBeside, simulated_beside
 from frischid.logs.driven import driven
 from frischid.logs.excerpt import as_recording, excerpt
 from frischid.logs.log import Log
-from frischid.logs.recording import Recording
+from frischid.logs.recording import Recording, check_logs
 from frischid.model.comparison import Comparison, compare
 from frischid.model.headline import Headline, cross_validated, headline
 from frischid.model.identification_alarms import HARDLY_PREDICTED
@@ -181,6 +181,7 @@ def study(
     models: Model | Mapping[str, Model],
     logs: Sequence[Log | Recording],
     *,
+    valid: Sequence[Log | Recording] = (),
     diagnosis: Diagnosis | None = None,
     diagnosed: bool = True,
     situation: Literal["auto", "always", "changed"] = "auto",
@@ -195,6 +196,8 @@ def study(
         Models by name: the report is on the first, and compares the others with it.
     logs : sequence of Log or Recording
         The model's history says which of them it was fitted to.
+    valid : sequence of Log or Recording
+        Test logs in any case: they select no effect.
     diagnosis : Diagnosis, optional
         Diagnosis of this model on those of these logs that are not held out, if there is one already.
     diagnosed : bool
@@ -208,6 +211,8 @@ def study(
     """
     if not logs:
         raise InputError("there is no log to report on; give at least one")
+    check_logs(logs, valid)
+    selecting, logs = len(logs), [*logs, *valid]
     named = models if isinstance(models, Mapping) else {"model": models}
     if not named:
         raise InputError("there is no model to report on; give at least one")
@@ -222,13 +227,15 @@ def study(
     logs = driven(logs, model.controller, model.currents)
     excerpts = [excerpt(log) for log in logs]
     shown, whole = [part.log for part in excerpts], [as_recording(log) for log in logs]
-    held = [log for log in whole if not model.made_from(log)]
+    held = whole[selecting:] or [log for log in whole if not model.made_from(log)]
     # Of logs in memory, one evaluation serves both; a long one is evaluated once more along its excerpt.
     short = all(isinstance(log, Log) for log in whole)
     evaluated = [list(model.blocks([log])) for log in shown]
     comparison = compare(model, whole, [b for part in evaluated for b in part] if short else None)
     prediction = predict(model, shown, evaluated)
-    given = roles(model, shown, situation=situation) if diagnosed or diagnosis is not None else None
+    given = None
+    if diagnosed or diagnosis is not None:
+        given = roles(model, shown[:selecting], valid=shown[selecting:], situation=situation)
     if diagnosis is None and given is not None:
         diagnosis = diagnose_with(model, given, progress=progress)
     refused: dict[str, Refusal] = {}

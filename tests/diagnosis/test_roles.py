@@ -105,6 +105,13 @@ def run_report(valid):
     return without_test(shown.diagnosis.to_dict()), shown.diagnosis.headline.nrmse
 
 
+def run_report_with_valid(valid):
+    shown = study(model(), fitted(), valid=valid)
+    assert set(shown.held_out) == {log.source for log in valid}
+    assert shown.headline.nrmse == shown.diagnosis.headline.nrmse
+    return without_test(shown.diagnosis.to_dict()), shown.headline.nrmse
+
+
 def run_studio(valid):
     bench = Bench(model(), [*fitted(), *valid], Path("studio.json"))
     bench.diagnose()
@@ -113,7 +120,9 @@ def run_studio(valid):
     return (said, decided(state.model)), state.headline.nrmse
 
 
-@pytest.mark.parametrize("run", [run_identify, run_diagnose, run_add, run_improve, run_report, run_studio])
+@pytest.mark.parametrize(
+    "run", [run_identify, run_diagnose, run_add, run_improve, run_report, run_report_with_valid, run_studio]
+)
 def test_a_change_of_the_test_log_changes_the_test_error_alone(run):
     (said, error), (other, other_error) = (run([valid]) for valid in of_test())
     assert said == other
