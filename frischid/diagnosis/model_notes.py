@@ -9,6 +9,7 @@ from frischid.diagnosis.carried_loads import CarriedLoad
 from frischid.diagnosis.contacts import Contact
 from frischid.diagnosis.scored_candidate import known_in_motion
 from frischid.diagnosis.situation import Situation
+from frischid.diagnosis.stretches import Stretch
 from frischid.diagnosis.torque_limits import TorqueLimit
 from frischid.effects import EFFECTS, columns_of
 from frischid.logs.log import Log
@@ -92,9 +93,9 @@ def untried(model: Model, effects: Sequence[str], situation: Situation, channels
     return [f"not tried: {listed(names)}, because {why}" for names, why in reasons if names]
 
 
-def longest_untouched(log: Log, contacts: Sequence[Contact]) -> tuple[float, float]:
-    """Start and end of the longest stretch of a log between contacts, s."""
-    here = sorted((c.start, c.stop) for c in contacts if c.source == log.source)
+def longest_part(log: Log, left_out: Sequence[Stretch]) -> tuple[float, float]:
+    """Start and end of the longest part of a log between some stretches, s."""
+    here = sorted((start, stop) for source, start, stop in left_out if source == log.source)
     ends = [*(start for start, _ in here), float(log.t[-1])]
     starts = [float(log.t[0]), *(stop for _, stop in here)]
     return max(zip(starts, ends, strict=True), key=lambda stretch: stretch[1] - stretch[0])

@@ -164,6 +164,12 @@ class Diagnosis(Shown):
         return {reason: stretches for reason, stretches in found.items() if stretches}
 
     @property
+    def to_cut_out(self) -> list[Stretch]:
+        """Contacts, and the times with the load or without, whichever are shorter: one model cannot hold them."""
+        touched = [(c.source, c.start, c.stop) for c in self.contacts]
+        return touched + ([] if self.load is None else list(self.load.left_out))
+
+    @property
     def for_a_while(self) -> str:
         """The clause that torques are at their limit, and that the robot carries a load; empty where neither is so."""
         names = listed([limit.joint for limit in self.limits])

@@ -12,7 +12,6 @@ from rich.text import Text
 import frischid as fr
 from frischid.cli import main
 from frischid.cli.pages.page import alarm_lines
-from frischid.diagnosis.contacts import Contact
 from frischid.estimators.least_squares import Estimate
 from frischid.model.alarms import Alarm, by_severity
 from frischid.reports.chapters import CHAPTERS
@@ -164,8 +163,8 @@ def test_a_command_finds_the_robot_from_another_folder(folder, monkeypatch):
 def test_the_part_that_nobody_touched_is_cut_with_the_mapping_of_its_log(folder):
     written("log.csv")
     log = fr.read_log("log.csv", fr.Robot.load("planar2").joints, "my map.toml")
-    touched = SimpleNamespace(contacts=[Contact(log.source, 6.0, 7.0, ("joint1",), 1.0)])
+    touched = SimpleNamespace(to_cut_out=[(log.source, 6.0, 7.0)])
     command = _cut(SimpleNamespace(logs=(log,)), touched)
-    assert command == "frischid cut log.csv --from 0.0 --until 6.0 --map 'my map.toml' -o log_untouched.csv"
+    assert command == "frischid cut log.csv --from 0.0 --until 6.0 --map 'my map.toml' -o log_part.csv"
     done = CliRunner().invoke(main, shlex.split(command)[1:])
     assert done.exit_code == 0, done.output

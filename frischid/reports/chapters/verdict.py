@@ -13,7 +13,7 @@ from markupsafe import Markup
 from frischid import figures
 from frischid.core.text import listed, sentence
 from frischid.diagnosis.clause import missing
-from frischid.diagnosis.model_notes import TOUCHED, longest_untouched
+from frischid.diagnosis.model_notes import LOADED, TOUCHED, longest_part
 from frischid.diagnosis.result import Diagnosis
 from frischid.diagnosis.rivals import command_for, pair_of
 from frischid.figures.robot_picture import STEPS, WORDS, robot_picture
@@ -36,6 +36,8 @@ from frischid.reports.study import Study
 LISTED = 4  # parameters named in a sentence; the table of parameters has the others
 STEPS_PROPOSED = 3
 SAME_NRMSE = 1e-3  # relative difference of two errors of one model on the same logs: another version may round
+CUT_OUT = {TOUCHED: "the contacts", LOADED: "the times with another load"}
+"""Note of a diagnosis -> what changed the parameters of a model that was fitted to it."""
 NOT_FOR_USE = ("E", "F")  # grades within one of the five factors of the URDF, or above it
 
 
@@ -150,14 +152,14 @@ def _logs(study: Study) -> str:
 
 
 def _cut(study: Study, diagnosis: Diagnosis) -> str:
-    """Command that keeps the longest part of a log that nobody touched; where the log is not at hand, a pattern."""
-    touched = {contact.source for contact in diagnosis.contacts}
-    log = next((log for log in study.logs if log.source in touched), None)
+    """Command that keeps the longest part of a log without a contact or a change of the load; else a pattern."""
+    cut = {source for source, _, _ in diagnosis.to_cut_out}
+    log = next((log for log in study.logs if log.source in cut), None)
     if log is None:
-        return "frischid cut LOG --from START --until STOP -o untouched.csv"
-    start, end = (x - float(log.t[0]) for x in longest_untouched(log, diagnosis.contacts))
+        return "frischid cut LOG --from START --until STOP -o part.csv"
+    start, end = (x - float(log.t[0]) for x in longest_part(log, diagnosis.to_cut_out))
     name = Path(log.source)
-    out = shlex.quote(f"{name.stem}_untouched.csv")
+    out = shlex.quote(f"{name.stem}_part.csv")
     maps = with_maps([] if log.file is None else [log.file], alone)
     return f"frischid cut {shlex.quote(name.name)} --from {start:.1f} --until {end:.1f}{maps} -o {out}"
 
@@ -177,9 +179,9 @@ def _next(study: Study, model_path: str) -> list[dict[str, Any]]:
     diagnosis, best = study.diagnosis, study.proposed
     robot, logs = study.model.robot, _logs(study)
     pair = [] if diagnosis is None else pair_of(diagnosis.findings, diagnosis.probabilities)
-    touched = diagnosis is not None and TOUCHED in diagnosis.notes
-    if diagnosis is not None and touched:
-        found.append({"kind": "cut", "command": _cut(study, diagnosis)})
+    cause = [] if diagnosis is None else [x for note, x in CUT_OUT.items() if note in diagnosis.notes]
+    if diagnosis is not None and cause:
+        found.append({"kind": "cut", "what": listed(cause), "command": _cut(study, diagnosis)})
     elif diagnosis is not None and diagnosis.verdict == "unknown" and diagnosis.shown_before:
         known = diagnosis.shown_before[0]
         where = f" --joints {shlex.quote(','.join(known.joints))}" if known.joints else ""
@@ -203,7 +205,7 @@ def _next(study: Study, model_path: str) -> list[dict[str, Any]]:
         found.append({"kind": "excite", "count": len(weak), "names": names, "command": plan})
     if not study.held_out:
         found.append({"kind": "test", "command": f"frischid compare {given} NEW_LOG"})
-    if touched:
+    if cause:
         return found[:STEPS_PROPOSED]  # neither a grade nor a use of this model is worth a step
     if study.headline.grade in NOT_FOR_USE:
         # The warning is one of the steps that are shown, whatever else there is to do.
