@@ -44,9 +44,9 @@ def on_condition(diagnosis: Diagnosis, said: str) -> str:
 
 
 def _says_the_same(diagnosis: Diagnosis, alarm: Alarm) -> bool:
-    """Whether an alarm names one fault of a log, the load that the diagnosis found too."""
+    """Whether an alarm is about the load that the diagnosis found: logs that disagree, or a log with this fault."""
     only = alarm.id == FAULTY_LOG and alarm.value == 1.0 and f"({CARRIED_LOAD}, " in alarm.sentence
-    return only and diagnosis.load is not None
+    return diagnosis.load is not None and (only or alarm.id == LOGS_DISAGREE)
 
 
 def _first(diagnosis: Diagnosis) -> str:

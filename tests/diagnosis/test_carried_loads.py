@@ -92,6 +92,17 @@ def test_a_load_of_one_of_two_logs_is_found():
     assert {source for source, _, _ in found.load.stretches} == {"second.csv"}
 
 
+def test_a_log_that_is_loaded_throughout_is_left_out_as_a_whole():
+    """It is one fold of the cross-validation, which then has no rows. The alarm of logs that disagree is about the load."""
+    found = diagnosed(recorded(0.0, 0.0), replace(recorded(0.0, 30.0, seed=5), source="second.csv"))
+    assert found.load is not None
+    assert found.load.mass_error is not None
+    assert found.load.mass == pytest.approx(MASS, abs=3 * found.load.mass_error)
+    assert [source for source, _, _ in found.load.stretches] == ["second.csv"]
+    assert [alarm.id for alarm in found.headline.alarms] == ["logs-disagree"]
+    assert missing(found).startswith("The robot carries a load of 0.6")
+
+
 def test_a_measured_log_that_goes_on_with_a_load_of_2805_g():
     """Two measured logs of a UR10e, one after the other in one file."""
     if not (folder := os.environ.get("FRISCHID_DATA")):
