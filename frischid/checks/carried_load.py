@@ -37,8 +37,18 @@ class CarriedBody:
     """Whether the last link carries it, (M,)."""
     torque: Array
     """Its torque, (M, J), N·m (N)."""
-    changes: int
-    """How often it is taken or put down."""
+
+    @property
+    def changes(self) -> int:
+        """How often it is taken or put down."""
+        return int(np.count_nonzero(np.diff(self.carried.astype(int))))
+
+    @property
+    def story(self) -> str:
+        """Whether it is taken, put down, or both: "takes up a load"."""
+        taken = np.diff(self.carried.astype(int))
+        both = ["takes up a load"] * bool((taken > 0).any()) + ["puts a load down"] * bool((taken < 0).any())
+        return " and ".join(both)
 
     def times(self, sketch: Sketch) -> str:
         """The stretches in words, counted from the log's first sample, as ``frischid cut`` does."""
@@ -68,8 +78,7 @@ def carried_body(fits: RowFits) -> CarriedBody | None:
         states = new
     if phi[0] <= 0 or not possible(sketch, Y, phi):
         return None
-    changes = int(np.count_nonzero(np.diff(states.astype(int))))
-    return CarriedBody(joint, float(phi[0]), states, body * states[:, None], changes)
+    return CarriedBody(joint, float(phi[0]), states, body * states[:, None])
 
 
 def _first(sketch: Sketch, Y: Array) -> NDArray[np.bool_]:

@@ -74,7 +74,7 @@ def _carried(fits: RowFits, n: float) -> Iterator[Moved]:
         return
     what = (
         f"{{|perhaps }}a body of about {body.mass:.2g} kg on the last link for a part of the log, "
-        f"{body.times(sketch)}: {{the robot takes|as if the robot took}} a load and puts it down"
+        f"{body.times(sketch)}: {{the robot|it may be that the robot}} {body.story}"
     )
     advice = (
         "keep a part of the log without the load, or with the load throughout (frischid cut LOG --from START --until "

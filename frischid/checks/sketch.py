@@ -60,7 +60,7 @@ class Sketch:
     earlier: float = 0.0
     """Time by which the torques were moved to earlier times, s: see `moved_earlier`."""
     start: float = 0.0
-    """Time of the log's first sample, s, before the filter took the ends away."""
+    """Time at which the log begins, s."""
 
     @classmethod
     def of(
@@ -102,7 +102,7 @@ class Sketch:
         known = np.isfinite(tau).all(axis=0) & (np.ptp(tau, axis=0) > DEAD_TORQUE)
         ok = (known & clear & (used.sum(axis=0) > criteria.fewest_moving))[index]
         moving = SketchMotion(robot, q, v, a, sign, used, criteria.fewest_moving)
-        start = float(motions[0].t[0])
+        start = motions[0].start
         sketch = cls(moving, t, tau, index[ok], np.sqrt(noise / samples), ends, criteria, start=start)
         return sketch.thinned(criteria.sketch_samples)
 

@@ -112,6 +112,9 @@ class DiagnosisCriteria:
     missing. Without this rule, pushes planted in measured logs of the UR10e and the Panda were missed beside larger
     errors. On unchanged measured logs, bursts of several joints have at most 15.6, and those return with the motion."""
 
+    excursion_share: float = 0.5
+    """Share of a torque's limit. Where the torque comes from below this share, passes the limit and goes back, a scale
+    of the whole excursion is the rival of the limit: half of the way is then below the limit. By judgement."""
     burst_left_share: float = 0.6
     """Share of the bursts' energy. If a term that acts all the time leaves less than this share unexplained, that term
     causes the bursts, and nothing touched the robot. Seed 0: a coupling of two joints that acts in short bursts."""

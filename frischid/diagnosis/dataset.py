@@ -76,7 +76,12 @@ class RegressionData:
 
     def without(self, stretches: Sequence[Stretch]) -> RegressionData:
         """Leave out the rows of some further stretches of time: (source, start, stop) each, s."""
-        return RegressionData(self.cache, (*self.left_out, *stretches))
+        left_out = (*self.left_out, *stretches)
+        found = RegressionData(self.cache, left_out)
+        # A log that is left out as a whole is a fold without rows: one fold alone predicts nothing.
+        if self.folds > 1 and np.count_nonzero(found.counts.all(axis=1)) < 2:
+            return RegressionData(self.cache.cut_anew(), left_out)
+        return found
 
     # ------------------------------------------------------------------ rows
 

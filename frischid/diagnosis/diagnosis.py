@@ -278,9 +278,13 @@ def stages(
     def search(fit: CrossValidator) -> tuple[list[Finding], Ranking, Array]:
         return find_effects(fit, floor, situation, effects, progress)
 
+    def in_the_longer_times(fit: CrossValidator) -> tuple[list[Finding], Ranking, Array]:
+        progress("again without the times with a load, or those without")
+        return search(fit)
+
     contacts, load = find_contacts(validator, floor.noise), None
     findings, ranking, noise = search(validator)
-    carried = find_load(validator, ranking.full, noise, search)
+    carried = find_load(validator, ranking.full, noise, in_the_longer_times)
     if carried is not None:
         load, validator, (findings, ranking, noise) = carried
         contacts = find_contacts(validator, floor.noise)

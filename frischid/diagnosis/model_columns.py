@@ -109,6 +109,16 @@ class ModelColumns:
             added.append((candidate, beta))
         return self.data.predicted(data, theta[..., : ends[0]], added)
 
+    def over(self, data: JointData) -> tuple[NDArray[np.intp], Array]:
+        """Positions of the k columns that act on a joint, (k,), and their values at its rows, (n, k)."""
+        places, values, start = [self.data.cache.active[data.row]], [data.Y], len(self.data.model.base)
+        for candidate in self.added:
+            if data.row in candidate.columns:
+                places.append(np.arange(start, start + len(candidate.signs)))
+                values.append(candidate.over(data))
+            start += len(candidate.signs)
+        return np.concatenate(places), np.concatenate(values, axis=1)
+
     def residual(self, data: JointData, theta: Array) -> Array:
         """Residual of a joint's rows over one motion under some parameters, (n,)."""
         return np.asarray(data.tau - self.predicted(data, theta))

@@ -14,6 +14,7 @@ from __future__ import annotations
 import hashlib
 import weakref
 from collections.abc import Callable, Hashable, Iterable, Iterator, Sequence
+from copy import copy
 from dataclasses import replace
 from functools import cached_property
 from itertools import groupby
@@ -92,8 +93,18 @@ class MotionCache:
                 self.blocks += self.motions[-1].blocks
         if _one_joint_a_fold(self.motions):
             self.motions = [replace(motion, fold=None) for motion in self.motions]
+        self.folds = self._folds()
+
+    def _folds(self) -> int:
         joints = (self.joint(row, n) for row in range(len(self.active)) for n in range(len(self.motions)))
-        self.folds = 1 + max((fold for joint in joints for fold, _ in joint.folds), default=0)
+        return 1 + max((fold for joint in joints for fold, _ in joint.folds), default=0)
+
+    def cut_anew(self) -> MotionCache:
+        """The same motions, each cut into the folds of a single log; columns of candidates hold for both."""
+        other = copy(self)
+        other.motions = [replace(motion, fold=None) for motion in self.motions]
+        other.folds = other._folds()
+        return other
 
     def _cached(self, motion: Motion, fold: int | None) -> CachedMotion:
         index, lowpass, criteria = self.model.torque_index, self.model.lowpass, self.criteria

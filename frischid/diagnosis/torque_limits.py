@@ -44,7 +44,6 @@ from frischid.diagnosis.stretches import Stretch, in_words, plain, reach_of, wid
 
 _SEARCHES = 8  # of a limit; it usually stays the same after three
 _LEVELS = 200  # torques tried as limits, spread evenly over the samples
-_EXCURSION = 0.5  # share of the limit from which an excursion of the torque begins, so that half of the way is below it
 
 
 @dataclass(frozen=True)
@@ -139,7 +138,9 @@ def _limit_of(
         before, theta = found.stretches, validator.without(beyond).theta
     held = inside > criteria.half_explained * float(error.sum())
     explained = inside_left < (1 - criteria.nearly_explained) * inside
-    return (float(left.mean()), found) if held and explained and not rows.rather_scaled(level) else None
+    if held and explained and not rows.rather_scaled(level, criteria.excursion_share):
+        return float(left.mean()), found
+    return None
 
 
 def _pushed(validator: CrossValidator, limit: TorqueLimit, theta: Array, unit: Array) -> bool:
@@ -204,16 +205,19 @@ class _Rows:
         levels = np.quantile(self.size, np.linspace(0.0, 1.0, _LEVELS))
         return float(min(levels, key=lambda level: float((self.left(float(level)) ** 2).sum())))
 
-    def rather_scaled(self, level: float) -> bool:
-        """Whether a scale of the torque in each excursion beyond a level leaves less error than the clipped curve."""
+    def rather_scaled(self, level: float, begin: float) -> bool:
+        """Whether a scale of the torque in each excursion beyond a level leaves less error than the clipped curve.
+
+        An excursion begins at a share `begin` of the level.
+        """
         clipped, scaled, left, passed = 0.0, 0.0, self.left(level), 0
         for _, t, _ in self.times:
             here = np.arange(passed, passed + len(t))
             passed += len(t)
-            kind = np.where(self.size[here] > _EXCURSION * level, self.side[here], 0.0)
+            kind = np.where(self.size[here] > begin * level, self.side[here], 0.0)
             for run in np.split(here, np.flatnonzero(np.diff(kind)) + 1):
                 x, e = self.size[run], self.side[run] * self.error[run]
-                if len(run) and x.min() > _EXCURSION * level and x.max() > level:
+                if len(run) and x.min() > begin * level and x.max() > level:
                     clipped += float(left[run] @ left[run])
                     scaled += float(e @ e - (x @ e) ** 2 / (x @ x))
         return scaled < clipped

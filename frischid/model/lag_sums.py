@@ -106,7 +106,6 @@ class LagSums:
     ) -> None:
         data = problem.data
         columns = columns_of(data.robot, problem.effects)
-        self._problem, self._estimate = problem, estimate
         self.theta = estimate.theta if theta is None else theta
         self._base, self._about = list(problem.reduction.base), about
         self._index = [data.robot.joints.index(name) for name in data.joints]
@@ -137,8 +136,13 @@ class LagSums:
             self._pending = []
         self._source = block.source
         self._pending.append(_Stretch(block.t, Y.copy(), smooth, dry, e, block.used[:, self._index].astype(float)))
-        if sum(len(part.t) for part in self._pending) >= EVALUATED_TOGETHER + 2 * EDGE:
+        if sum(len(part.t) for part in self._pending) >= EVALUATED_TOGETHER + 2 * self._edge(block.t):
             self._close(whole=False)
+
+    def _edge(self, t: Array) -> int:
+        """Samples at each end that lack neighbours: those of a slope, and those within the lag that is known."""
+        step = float(np.diff(t[:2]).sum())
+        return EDGE + (int(np.ceil(abs(self._about) / step)) if step > 0 else 0)
 
     def _torques(self, Y: Array) -> tuple[Array, Array]:
         """Torque without dry friction, and dry friction, (N, J)."""
@@ -165,11 +169,12 @@ class LagSums:
         if not self._pending:
             return
         found = _Stretch(*(np.concatenate(parts) for parts in zip(*self._pending, strict=True)))
-        if len(found.t) > 2 * EDGE:
+        edge = self._edge(found.t)
+        if len(found.t) > 2 * edge:
             columns = np.stack([_rate(found.t, x, self._about) for x in (found.s, found.f)], axis=1)  # (N, 2, J)
-            inner = slice(EDGE, -EDGE)
+            inner = slice(edge, -edge)
             self._gather(self._earlier(found).part(inner), -columns[inner])
-            found = found.part(slice(-2 * EDGE, None))
+            found = found.part(slice(-2 * edge, None))
         self._pending = [] if whole else [found]
 
     def _gather(self, part: _Stretch, C: Array) -> None:

@@ -14,6 +14,7 @@ Robotics Research 5(3), 1986.
 from __future__ import annotations
 
 from collections.abc import Iterator, Mapping, Sequence
+from dataclasses import replace
 
 import numpy as np
 from numpy.typing import NDArray
@@ -34,8 +35,6 @@ EFFECT_SAMPLES = 4096
 """Samples at which the torque of the effects is computed at once."""
 STANDSTILL_WEIGHT = 0.01
 """Share of a filtered sample's weight that may come from standstill before its torque is left out."""
-KEPT_STATE_BYTES = 8 * 2**20
-"""Bytes of the state of one motion, with its slopes, up to which it is kept: 80 s of a six-joint arm at 100 Hz."""
 _MOTION_STATES = Remembered[State]()
 
 
@@ -233,16 +232,14 @@ class Regressor:
     def state(self, motion: Motion) -> State:
         """State of a whole motion for effects, with the torque of the reference parameters (static columns only).
 
-        Refits with other effects read the same state: that of a short motion is computed once.
+        Refits with other effects read the same state. Its torques are kept as long as the motion, without its slopes,
+        which need many times the memory of the motion.
         """
         values = dict(zip((c.name for c in self.columns), self.reference, strict=True))
         used = [e for e in self.effects if not e.memory and any(values[c.name] for c in e.columns(self.robot))]
-        samples, joints = motion.q.shape
-        if 8 * samples * joints * (2 + 3 * joints) > KEPT_STATE_BYTES:
-            return self._state_with(motion, used)
         reference = tuple(values[c.name] for c in columns_of(self.robot, used))
         key = (self.robot, tuple((type(e), str(e)) for e in used), reference, self.dry.tobytes())
-        return _MOTION_STATES.of(motion, key, lambda: self._state_with(motion, used))
+        return replace(_MOTION_STATES.of(motion, key, lambda: self._state_with(motion, used)))
 
     def _state_with(self, motion: Motion, used: Sequence[Effect]) -> State:
         static = self.with_effects(used)  # effects that were added after the reference have none there

@@ -12,6 +12,7 @@ import frischid as fr
 from frischid.diagnosis.clause import missing
 from frischid.diagnosis.stretches import reach_of_a_step, wider
 from frischid.logs.filters import LowPass
+from frischid.regression.regressor import Regressor
 
 ARM = fr.Robot.load("planar2")
 SIZES = {"fv1": 0.8, "fv2": 0.4, "fc1": 0.5, "fc2": 0.3, "Ia1": 0.2, "Ia2": 0.1}
@@ -78,11 +79,13 @@ def test_the_shorter_times_are_left_out():
     assert found.verdict == "none"
 
 
-def test_an_effect_beside_the_load_is_found_too():
-    found = diagnosed(recorded(8.0, 15.0, "joint_spring@joint2"))
+@pytest.mark.parametrize(("start", "stop", "seed"), [(8.0, 15.0, 6), (12.0, 15.0, 4), (8.0, 11.0, 7), (4.0, 16.0, 6)])
+def test_an_effect_beside_the_load_is_found_too(start, stop, seed):
+    """The effect explains more than the load."""
+    found = diagnosed(recorded(start, stop, "joint_spring@joint2", seed))
     assert found.load is not None
-    assert found.load.mass_error is not None
-    assert found.load.mass == pytest.approx(MASS, abs=3 * found.load.mass_error)
+    assert found.load.mass == pytest.approx(MASS, rel=0.05)
+    assert found.load.stretches[0][1:] == pytest.approx((start, stop), abs=0.2)
     assert (found.verdict, found.findings[0].effect) == ("effect", "joint_spring")
 
 
@@ -93,7 +96,7 @@ def test_a_load_of_one_of_two_logs_is_found():
 
 
 def test_a_log_that_is_loaded_throughout_is_left_out_as_a_whole():
-    """It is one fold of the cross-validation, which then has no rows. The alarm of logs that disagree is about the load."""
+    """Such a log is a fold, which then has no rows: the other log is cut anew. The alarm of the logs says the same."""
     found = diagnosed(recorded(0.0, 0.0), replace(recorded(0.0, 30.0, seed=5), source="second.csv"))
     assert found.load is not None
     assert found.load.mass_error is not None
@@ -133,15 +136,33 @@ def test_an_arm_that_carries_nothing_has_no_load(effects):
     assert diagnosed(recorded(0.0, 0.0, effects)).load is None
 
 
-@pytest.mark.parametrize("shape", ["steady", "swelling"])
-def test_a_push_is_no_load(shape):
-    log = recorded(0.0, 0.0)
+@pytest.mark.parametrize(("shape", "seed"), [("steady", 4), ("swelling", 4), ("steady", 6), ("swelling", 8)])
+def test_a_push_is_no_load(shape, seed):
+    """Seed 6 had a load of 0.83 ± 0.17 kg."""
+    log = recorded(0.0, 0.0, seed=seed)
     t = log.t - log.t[0]
     inside = (t > 8.0) & (t < 9.5)
     size = np.where(inside, 1.0 if shape == "steady" else np.sin(np.pi * (t - 8.0) / 1.5), 0.0)
     found = diagnosed(replace(log, tau=log.tau + size[:, None] * [8.0, 3.0], source="pushed"))
     assert found.load is None
-    assert found.verdict == "contact"
+
+
+def test_a_joint_that_moves_only_as_the_load_is_taken_cannot_be_judged():
+    """The fit without the moment of the change had ended the command: "joint1 never moves"."""
+    log, rng = recorded(8.0, 14.0), np.random.default_rng(4)
+    t = log.t - log.t[0]
+    part = np.clip((t - 7.65) / 0.7, 0.0, 1.0)
+    q = np.column_stack([0.3 + 0.4 * (part - np.sin(2 * np.pi * part) / (2 * np.pi)), log.q[:, 1]])
+    v = np.gradient(q, t, axis=0)
+    a = np.gradient(v, t, axis=0)
+    columns, own = Regressor(ARM, fr.BASELINE), BODY | SIZES
+    values = [[(own | more).get(c.name, 0.0) for c in columns.columns] for more in ({}, HEAVIER)]
+    bare, loaded = (np.array(theta) @ columns(t, q, v, a) for theta in values)
+    carried = (t >= 8.0) & (t < 14.0)
+    tau = np.where(carried[:, None], loaded, bare) + NOISE * rng.normal(size=q.shape)
+    log = replace(log, q=q + 1e-6 * rng.normal(size=q.shape), tau=tau)
+    model = fr.identify(ARM, [log], recursion="none", cutoff=4.0).model
+    assert fr.diagnose(model, [log]).load is None
 
 
 def test_the_margin_is_the_reach_of_the_filter():
