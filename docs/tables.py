@@ -79,6 +79,7 @@ TABLES = dict(
         table_of(diagnosis.hidden_commanded),
         table_of(diagnosis.planted_effects),
         table_of(diagnosis.any_robot),
+        table_of(diagnosis.carried_loads),
         table_of(diagnosis.planted_log_faults),
         table_of(diagnosis.planted_measured_faults, script="planted_log_faults"),
         table_of(diagnosis.calibration),

@@ -40,6 +40,13 @@ def planted_effects() -> str:
     return f"{table(head, lines)}\n{'. '.join(data('planted_effects')['notes'])}.\n"
 
 
+def carried_loads() -> str:
+    """Loads that a robot carries for a part of a log: named or not, and pushes that are taken for loads."""
+    head = ("log", "cases", "load named", "mass right", "times right")
+    lines = [tuple(str(row[key]) for key in ("log", *head[1:])) for row in rows_of("carried_loads")]
+    return table(head, lines)
+
+
 def any_robot() -> str:
     """Random robots with a hidden cause: named or not, and how the commands ended."""
     head = ("hidden cause", "robots", "named", "commands run", "of these refused in a sentence", "failed")

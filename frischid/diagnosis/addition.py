@@ -30,6 +30,7 @@ from frischid.logs.log import Log
 from frischid.logs.mapping import MappingLike
 from frischid.logs.recording import Recording, check_logs
 from frischid.model.comparison import compare
+from frischid.model.events import cross_validated_nrmse
 from frischid.model.headline import Headline
 from frischid.model.log_requirements import check_effects_act
 from frischid.model.model import Model
@@ -160,9 +161,11 @@ class Trial:
         }
         own = {k: v for k, v in new.history[-1].items() if k == "cross_validated"}
         # A cross-validated error is the error after the step, unless the models were compared in another way.
-        event |= own if own and not changed else {"error_after": self.error_after, **own}
+        stated = None if changed else cross_validated_nrmse(new.history)
+        event |= own if stated is not None else {"error_after": self.error_after, **own}
+        after = self.error_after if stated is None else stated  # they differ by rounding
         new = replace(new, history=(*self.model.history, event), previous=self.model)
-        return Step(new, self.effects[0], self.error_before, self.error_after, measured_on, self.finding)
+        return Step(new, self.effects[0], self.error_before, after, measured_on, self.finding)
 
 
 def trial(

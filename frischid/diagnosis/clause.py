@@ -45,8 +45,10 @@ def on_condition(diagnosis: Diagnosis, said: str) -> str:
 
 def _says_the_same(diagnosis: Diagnosis, alarm: Alarm) -> bool:
     """Whether an alarm is about the load that the diagnosis found: logs that disagree, or a log with this fault."""
-    only = alarm.id == FAULTY_LOG and alarm.value == 1.0 and f"({CARRIED_LOAD}, " in alarm.sentence
-    return diagnosis.load is not None and (only or alarm.id == LOGS_DISAGREE)
+    if diagnosis.load is None or alarm.id == LOGS_DISAGREE:
+        return diagnosis.load is not None
+    named = any(source in alarm.sentence for source, _, _ in diagnosis.load.stretches)
+    return alarm.id == FAULTY_LOG and alarm.value == 1.0 and named and f"({CARRIED_LOAD}, " in alarm.sentence
 
 
 def _first(diagnosis: Diagnosis) -> str:

@@ -10,7 +10,7 @@ import pytest
 import frischid as fr
 from frischid.diagnosis.clause import on_condition
 from frischid.model import log_agreement
-from frischid.model.alarms import FAULTY_LOG, LOGS_DISAGREE
+from frischid.model.alarms import FAULTY_LOG, LOGS_DISAGREE, Alarm
 
 NOISE = fr.Noise(q=1e-5, tau=0.02)
 LOADED = {"m2": 3.0, "mx2": 1.0}
@@ -79,9 +79,18 @@ def test_the_torques_may_be_as_small_as_those_of_a_watch(arm, tmp_path):
 
 
 def test_a_verdict_beside_such_logs_presumes_what_the_alarms_say():
-    found = [SimpleNamespace(id=name) for name in (LOGS_DISAGREE, FAULTY_LOG, "impossible-sign")]
-    diagnosis = SimpleNamespace(headline=SimpleNamespace(alarms=found))
+    found = [Alarm(name, "severe", "", "", value=1.0) for name in (LOGS_DISAGREE, FAULTY_LOG, "impossible-sign")]
+    diagnosis = SimpleNamespace(headline=SimpleNamespace(alarms=found), load=None)
     assert on_condition(diagnosis, "An effect is missing") == (
         "Unless a log has the fault that the alarm names or the robot changed between the fitted logs, as the alarm "
         "says, an effect is missing"
     )
+
+
+@pytest.mark.parametrize(("fault", "said"), [("carried load, likely", "The robot"), ("torque sign, likely", "Unless")])
+def test_a_verdict_on_a_load_does_not_presume_the_alarms_about_the_load(fault, said):
+    sentences = {FAULTY_LOG: f"a.csv: it is so ({fault}).", LOGS_DISAGREE: ""}
+    found = [Alarm(name, "severe", sentence, "", value=1.0) for name, sentence in sentences.items()]
+    load = SimpleNamespace(stretches=[("a.csv", 1.0, 2.0)])
+    diagnosis = SimpleNamespace(headline=SimpleNamespace(alarms=found), load=load)
+    assert on_condition(diagnosis, "The robot carries a load").startswith(said)
