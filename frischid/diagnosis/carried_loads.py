@@ -9,10 +9,10 @@ the body or those without. A load is found where
 - the load leaves hardly any of the error above the noise that the effects of the catalogue leave together, beside the
   effects of the longer times;
 - a steady push, which is a constant torque of each joint at times of its own, leaves more than twice as much;
-- the mass is above zero, tested at a level that counts all stretches and links that were tried (Bonferroni).
+- the mass is above zero, tested at a level that counts all stretches and links that were tried (Bonferroni): that of a
+  body of mass and first moment, and that of a body with all ten parameters, which is told.
 
-The moments at which the load changes do not count, as long as the filter spreads them. The mass that is told is that of
-a body with all ten parameters.
+The moments at which the load changes do not count, as long as the filter spreads them.
 """
 
 from __future__ import annotations
@@ -197,13 +197,11 @@ class LoadedFit:
             return CarriedLoad(name, None, None, self.stretches, self.left_out)
         tried = len(self.validator.model.robot.joints) * len(self.states) * STRETCH_ENDS * (STRETCH_ENDS + 1) / 2
         errors = float(special.ndtri(1 - criteria.significance / tried))  # standard errors
-        mass, error = _mass(self._with(self.body, self.states), self.body)
-        if mass <= errors * error:
-            return None
-        whole = [c for c in self.validator.candidates([Payload((name,), full=True)]) if c.finite]
-        mass, error = _mass(self._with(whole[0], self.states), whole[0]) if whole else (mass, error)
-        known = mass > errors * error
-        return CarriedLoad(name, mass if known else None, error if known else None, self.stretches, self.left_out)
+        for body in (self.body, *self.validator.candidates([Payload((name,), full=True)])):
+            mass, error = _mass(self._with(body, self.states), body)
+            if mass <= errors * error:
+                return None
+        return CarriedLoad(name, mass, error, self.stretches, self.left_out)
 
 
 def find_load(
