@@ -27,7 +27,7 @@ from frischid.core.parallel import Workers
 from frischid.core.text import shortened
 from frischid.core.threads import on_one_thread
 from frischid.core.types import Array
-from frischid.diagnosis.carried_loads import find_load
+from frischid.diagnosis.carried_loads import Found, find_load
 from frischid.diagnosis.contacts import (
     Contact,
     contacts_at_rest,
@@ -41,14 +41,14 @@ from frischid.diagnosis.cross_validation import CrossValidator
 from frischid.diagnosis.effect_findings import find_effects, refit_finding
 from frischid.diagnosis.effect_ranking import Ranking
 from frischid.diagnosis.findings import Finding
-from frischid.diagnosis.floor import Floor
+from frischid.diagnosis.floor import Floor, asks_for_explanation
 from frischid.diagnosis.hypotheses import Evidence, evidence_of
 from frischid.diagnosis.model_notes import delay_in, limit_in, load_in, touch_in, untried
 from frischid.diagnosis.probability import probabilities
 from frischid.diagnosis.residual_formula import describe
 from frischid.diagnosis.result import Diagnosis
 from frischid.diagnosis.situation import Situation, SituationOption, cross_validator, logs_to_diagnose, priors_of
-from frischid.diagnosis.torque_limits import beyond_limits, find_limits
+from frischid.diagnosis.torque_limits import TorqueLimit, beyond_limits, find_limits
 from frischid.diagnosis.unmodelled_terms import unmodelled_term
 from frischid.diagnosis.verdict import (
     StageResults,
@@ -282,18 +282,26 @@ def stages(
         progress("again without the times with a load, or those without")
         return search(fit)
 
-    contacts, load = find_contacts(validator, floor.noise), None
-    findings, ranking, noise = search(validator)
-    carried = find_load(validator, ranking.full, noise, in_the_longer_times)
-    if carried is not None:
-        load, validator, (findings, ranking, noise) = carried
-        contacts = find_contacts(validator, floor.noise)
-    limits = find_limits(validator, ranking.full, noise)
-    if limits:
+    def left_by(found: Found, limits: Sequence[TorqueLimit]) -> tuple[CrossValidator, Found]:
+        if not limits:
+            return validator, found
         progress("again without torques at their limit")
-        validator = validator.without(beyond_limits(validator, limits))
-        contacts = find_contacts(validator, floor.noise)
-        findings, ranking, noise = search(validator)
+        rest = validator.without(beyond_limits(validator, limits))
+        return rest, search(rest)
+
+    load, found = None, search(validator)
+    limits = find_limits(validator, found[1].full, found[2])
+    rest, left = left_by(found, limits)
+    full, noise = left[1].full, left[2]
+    # Limits that explain everything are no load; a load may look like limits that leave other errors.
+    if asks_for_explanation(full.predictive_nrmse(), noise / full.spread, full).any():
+        carried = find_load(validator, found[1].full, found[2], in_the_longer_times)
+        if carried is not None:
+            load, validator, found = carried
+            limits = find_limits(validator, found[1].full, found[2])
+            rest, left = left_by(found, limits)
+    validator, (findings, ranking, noise) = rest, left
+    contacts = find_contacts(validator, floor.noise)
     if contacts:
         rest = validator.without(stretches(contacts))
         if made_by_something_steady(validator, rest, findings):
