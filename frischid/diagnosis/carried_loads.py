@@ -146,11 +146,11 @@ class LoadedFit:
     @cached_property
     def _pushed(self) -> list[States] | None:
         """The states of the steady push that explains most beside the effects."""
-        beside = extended(self.validator, self.effects)
+        beside = _extended(self.validator, self.effects)
         return settled_states(beside, self._push, first_states(beside, self._push)[1])
 
     def _with(self, acting: Candidate, states: list[States]) -> CrossValidator:
-        return extended(self._between, (*self.effects, while_acting(self.validator, acting, states)))
+        return _extended(self._between, (*self.effects, while_acting(self.validator, acting, states)))
 
     def _above(self, fit: CrossValidator) -> float:
         """Summed squared NRMSE of a fit above the noise."""
@@ -159,7 +159,7 @@ class LoadedFit:
     @cached_property
     def before(self) -> float:
         """Error that all effects that entered without a load leave."""
-        return self._above(extended(self._between, self.full.columns.added))
+        return self._above(_extended(self._between, self.full.columns.added))
 
     @cached_property
     def left(self) -> float:
@@ -170,13 +170,13 @@ class LoadedFit:
     def _left_by_a_push(self) -> float:
         """Error that a steady push and the effects leave."""
         if self._pushed is None:
-            return self._above(extended(self._between, self.effects))
+            return self._above(_extended(self._between, self.effects))
         return self._above(self._with(self._push, self._pushed))
 
     def beside(self, effects: tuple[Candidate, ...]) -> LoadedFit | None:
         """The fit beside other effects, with the likeliest states there; None where there are none."""
         weighs = _weighs(self.validator, self.body)
-        states = settled_states(extended(self.validator, effects), self.body, self.states, positive=weighs)
+        states = settled_states(_extended(self.validator, effects), self.body, self.states, positive=weighs)
         return None if states is None else replace(self, states=states, effects=effects)
 
     def agrees(self, other: LoadedFit) -> bool:
@@ -246,7 +246,7 @@ def _first(validator: CrossValidator, full: CrossValidator, noise: Array) -> Loa
     every = [Payload((name,)) for name in validator.model.robot.joints]
     bodies, fits = [c for c in validator.candidates(every) if c.finite and c.columns], list[LoadedFit]()
     for effects in dict.fromkeys(((), full.columns.added)):
-        beside = extended(validator, effects)
+        beside = _extended(validator, effects)
         first = [(*first_states(beside, body), body) for body in bodies]
         if not first:
             return None
@@ -257,7 +257,7 @@ def _first(validator: CrossValidator, full: CrossValidator, noise: Array) -> Loa
     return best if best is not None and best.left < validator.criteria.nearly_explained * best.before else None
 
 
-def extended(validator: CrossValidator, candidates: Sequence[Candidate]) -> CrossValidator:
+def _extended(validator: CrossValidator, candidates: Sequence[Candidate]) -> CrossValidator:
     """A fit with some candidates added."""
     for candidate in candidates:
         validator = validator.extended(candidate)

@@ -26,7 +26,6 @@ from frischid.core.arguments import check_kind
 from frischid.core.parallel import Workers
 from frischid.core.text import shortened
 from frischid.core.threads import on_one_thread
-from frischid.core.types import Array
 from frischid.diagnosis.carried_loads import Found, find_load
 from frischid.diagnosis.contacts import (
     Contact,
@@ -39,8 +38,6 @@ from frischid.diagnosis.contacts import (
 from frischid.diagnosis.criteria import DIAGNOSIS_CRITERIA, DiagnosisCriteria
 from frischid.diagnosis.cross_validation import CrossValidator
 from frischid.diagnosis.effect_findings import find_effects, refit_finding
-from frischid.diagnosis.effect_ranking import Ranking
-from frischid.diagnosis.findings import Finding
 from frischid.diagnosis.floor import Floor, asks_for_explanation
 from frischid.diagnosis.hypotheses import Evidence, evidence_of
 from frischid.diagnosis.model_notes import delay_in, limit_in, load_in, touch_in, untried
@@ -273,34 +270,33 @@ def stages(
     effects: Sequence[str] | None,
     progress: Callable[[str], None],
 ) -> StageResults:
-    """A load, torques at their limit, contacts, findings, and a term outside the catalogue that explains far more."""
+    """Torques at their limit, a load, contacts, findings, and a term outside the catalogue that explains far more."""
 
-    def search(fit: CrossValidator) -> tuple[list[Finding], Ranking, Array]:
+    def search(fit: CrossValidator) -> Found:
         return find_effects(fit, floor, situation, effects, progress)
 
-    def in_the_longer_times(fit: CrossValidator) -> tuple[list[Finding], Ranking, Array]:
+    def in_the_longer_times(fit: CrossValidator) -> Found:
         progress("again without the times with a load, or those without")
         return search(fit)
 
-    def left_by(found: Found, limits: Sequence[TorqueLimit]) -> tuple[CrossValidator, Found]:
+    def below_limits(fit: CrossValidator, found: Found) -> tuple[CrossValidator, Found, list[TorqueLimit]]:
+        limits = find_limits(fit, found[1].full, found[2])
         if not limits:
-            return validator, found
+            return fit, found, limits
         progress("again without torques at their limit")
-        rest = validator.without(beyond_limits(validator, limits))
-        return rest, search(rest)
+        rest = fit.without(beyond_limits(fit, limits))
+        return rest, search(rest), limits
 
     load, found = None, search(validator)
-    limits = find_limits(validator, found[1].full, found[2])
-    rest, left = left_by(found, limits)
+    below, left, limits = below_limits(validator, found)
     full, noise = left[1].full, left[2]
     # Limits that explain everything are no load; a load may look like limits that leave other errors.
     if asks_for_explanation(full.predictive_nrmse(), noise / full.spread, full).any():
         carried = find_load(validator, found[1].full, found[2], in_the_longer_times)
         if carried is not None:
-            load, validator, found = carried
-            limits = find_limits(validator, found[1].full, found[2])
-            rest, left = left_by(found, limits)
-    validator, (findings, ranking, noise) = rest, left
+            load, longer, found = carried
+            below, left, limits = below_limits(longer, found)
+    validator, (findings, ranking, noise) = below, left
     contacts = find_contacts(validator, floor.noise)
     if contacts:
         rest = validator.without(stretches(contacts))

@@ -9,7 +9,7 @@ With A = YᵀY and β = A⁻¹YᵀC,
 and the influence of stretch b on d is that inverse times its score C̃_bᵀ(e − C d − Y δ)_b, with C̃ = C − Yβ. Sums over
 the squared influences are the infinitesimal jackknife (Jaeckel 1972, Bell Laboratories).
 
-Where a lag d₀ is known roughly, Y and C are those of t − d₀, and d is what is left of the lag: a step of Gauss and
+Where a lag d₀ is known roughly, Y and C are those of t − d₀, and d is the rest of the lag: a step of Gauss and
 Newton. The linear form leaves an error of second order in d, which made a lag of three samples 6 % too short: 35 of its
 standard errors.
 """
