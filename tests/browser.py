@@ -49,13 +49,18 @@ class Seen:
 
 
 @contextmanager
-def opened(address, width=1280, height=900, scheme="light", flags=FLAT):
-    """Open an address; complaints are errors and warnings of the console and of scripts."""
+def opened(address, width=1280, height=900, scheme="light", flags=FLAT, density=1):
+    """Open an address; complaints are errors and warnings of the console and of scripts.
+
+    `density` is the number of the screen's pixels per pixel of the page.
+    """
     from playwright.sync_api import sync_playwright
 
     with sync_playwright() as playwright:
         browser = playwright.chromium.launch(executable_path=CHROMIUM, args=["--headless", *QUIET, *flags])
-        page = browser.new_page(viewport={"width": width, "height": height}, color_scheme=scheme)
+        page = browser.new_page(
+            viewport={"width": width, "height": height}, color_scheme=scheme, device_scale_factor=density
+        )
         page.set_default_timeout(SETTLED)
         seen = Seen(page)
         page.on("console", lambda m: seen.complaints.append(m.text) if m.type not in ("log", "info", "debug") else None)

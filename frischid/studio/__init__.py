@@ -32,6 +32,11 @@ if TYPE_CHECKING:
     from frischid.studio.tab import Tab
 
 FRAME = 0.05  # s between two poses of a moving robot
+PIXELS = "fixedDpr=1"
+"""Part of the address: the scene has one pixel per pixel of the page.
+
+viser tells the scene's size in pixels of the screen, of which a page has one to three per pixel of its own, and lowers
+their number while the browser is slow. Without this part, a telephone looks as wide as a desk's screen."""
 
 
 class Studio:
@@ -75,7 +80,7 @@ class Studio:
         self.server.scene.configure_default_lights(cast_shadow=False)
         self.server.scene.add_light_hemisphere("/sky", ground_color=(150, 150, 150), intensity=2.0)
         shown = "localhost" if host in ("127.0.0.1", "localhost", "::1", "0.0.0.0", "::") else host
-        self.address = f"http://{shown}:{self.server.get_port()}/{gate.token}"
+        self.address = f"http://{shown}:{self.server.get_port()}/{gate.token}?{PIXELS}"
         self._lock = threading.Lock()  # guards the lists of tabs that wait and tabs that show the model
         self._waiting: dict[int, Frame] = {}
         self.tabs: dict[int, Tab] = {}

@@ -685,15 +685,18 @@ def test_the_end_of_the_last_link_is_in_view_too(case, tmp_path):
 
 
 @needs_browser
-@pytest.mark.parametrize(("width", "left", "bottom"), [(1280, WIDTH, 700), (390, 0, 300)])
-def test_the_robot_stays_in_view_wherever_its_logs_take_it(tmp_path, width, left, bottom):
+@pytest.mark.parametrize(("width", "left", "bottom", "density"), [(1280, WIDTH, 700, 2), (390, 0, 300, 3)])
+def test_the_robot_stays_in_view_wherever_its_logs_take_it(tmp_path, width, left, bottom, density):
+    """Also on a screen with more pixels than the page, as most laptops and all telephones have."""
     robot = Robot.load("panda", joints=[f"panda_joint{i}" for i in range(1, 8)])
     log = simulate(robot, random_fourier(robot, 20.0, seed=0), rate=100.0, channels=(), name="far and wide")
     model = identify(robot, [log], recursion="none").model
-    with in_a_browser(model, [log], tmp_path / "model.json", port=8310, width=width, height=700) as (running, seen):
+    window = {"width": width, "height": 700, "density": density}
+    with in_a_browser(model, [log], tmp_path / "model.json", port=8310, **window) as (running, seen):
         page = seen.page
         page.wait_for_selector("text=misses")
         tab = in_place(running, page)
+        assert tab.frame.phone == (width < PHONE)
         for x in np.linspace(0, tab.track.x[-1], 20):
             tab.stage.pose(x, "panda_joint7", "of the verdict")
             for joint in robot.joints:
