@@ -9,9 +9,9 @@ Three steps, each a run of this script:
    was right.
 
 What counts as right: an effect that the robot has and the model lacks, so the hidden effect, any of two hidden effects,
-and an effect of the background. "Several small effects" is right where the background is at least as large as the
-hidden effect, or where nothing else is hidden; "none" for a robot with nothing but a background below one percent of
-the torque.
+and an effect of the background. "Outside the catalogue" is right where the catalogue lacks one of these effects.
+"Several small effects" is right where the background is at least as large as the hidden effect, or where nothing else
+is hidden; "none" for a robot with nothing but a background below one percent of the torque.
 """
 
 from __future__ import annotations
@@ -61,13 +61,18 @@ def right_answers(kind: str, truth: Truth) -> list[str]:
     """Hypotheses that are right."""
     if kind == "contact":
         return ["contact"]
-    there = [n for name in truth.background_effects if name not in NAMELESS for n in SAME.get(name, (name,))]
+    there = [n for name in truth.background_effects for n in names(name)]
     if kind == "healthy":
         small = truth.background <= SMALL_BACKGROUND
-        return [*there, *(["several"] if truth.background else []), *(["none"] if small else [])]
-    hidden = ["outside"] if kind == "unknown" else [n for name in truth.effects for n in SAME.get(name, (name,))]
+        return list(dict.fromkeys([*there, *(["several"] if truth.background else []), *(["none"] if small else [])]))
+    hidden = ["outside"] if kind == "unknown" else [n for name in truth.effects for n in names(name)]
     small = truth.background >= max(truth.sizes, default=0.0)
     return list(dict.fromkeys([*hidden, *there, *(["several"] if small else [])]))
+
+
+def names(effect: str) -> tuple[str, ...]:
+    """Hypotheses that are right where a robot has an effect."""
+    return ("outside",) if effect in NAMELESS else SAME.get(effect, (effect,))
 
 
 def collected(case: Case) -> dict[str, Any]:

@@ -260,6 +260,9 @@ def test_what_counts_as_right():
     assert right_answers("healthy", replace(truth, effects=(), sizes=())) == ["cogging", "several"]
     assert right_answers("healthy", replace(truth, background=0.0, background_effects=())) == ["none"]
     assert right_answers("contact", truth) == ["contact"]
+    beside = replace(truth, background_effects=("crosstalk", "cable", "backlash"))  # the catalogue lacks the first two
+    assert right_answers("single", beside) == ["stribeck", "outside", "backlash", "gear_play", "several"]
+    assert right_answers("unknown", beside)[0] == "outside"
 
 
 def test_an_answer_that_stands_there_without_a_planted_effect_is_neither_right_nor_wrong():
