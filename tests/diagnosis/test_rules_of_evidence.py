@@ -349,6 +349,25 @@ def test_two_couplings_of_the_same_joints_exclude_each_other():
     assert not excluded(spring, of("hysteresis@joint1, friction_change@joint1"))
 
 
+@pytest.mark.parametrize(("rubbing", "effect"), [(0.0, "joint_spring"), (0.3, "cable_hose")])
+def test_a_spring_is_named_in_place_of_a_hose_only_where_nothing_rubs(rubbing, effect):
+    """A hose contains a spring, which explained nine tenths: the spring was named at 92 %, the hose at 7 %."""
+
+    def with_hose(log: Log) -> Log:
+        q, z = log.q[:, 1], np.zeros(len(log.t))
+        for k, step in enumerate(np.diff(q), 1):  # the strands of the hose rub over 0.12 rad
+            z[k] = z[k - 1] + (step - abs(step) * z[k - 1]) / 0.12
+        return replace(log, tau=log.tau + np.outer(2.0 * q + rubbing * z, [0.0, 1.0]))
+
+    logs = [with_hose(log_of(seed)) for seed in (3, 4)]
+    found = diagnose(identify(ARM, logs[:1], recursion="none").model, logs)
+    first = found.findings[0]
+    assert (first.effect, first.joints) == (effect, ("joint2",))
+    assert first.probability > 0.8
+    names = {f.effect: f for f in found.findings}
+    assert names["joint_spring"].removed > 0.9 * names["cable_hose"].removed, "nearly all of the error"
+
+
 @pytest.mark.parametrize(("known", "tried"), [("viscous, coulomb, offset", 0), ("viscous, coulomb", 1)])
 def test_what_differs_from_the_model_at_standstill_alone_is_no_candidate(known, tried):
     """A gantry stood still for a tenth of a second twice; direction-dependent dry friction had a probability of 0.99.
