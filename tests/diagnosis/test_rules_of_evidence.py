@@ -384,6 +384,25 @@ def test_what_differs_from_the_model_at_standstill_alone_is_no_candidate(known, 
     assert all("as offset, and at standstill" in note for note in said)
 
 
+@pytest.mark.parametrize("ratio", [1.0, -0.4, 2.7])
+def test_the_ratio_of_a_coupling_is_searched_and_that_of_a_sum_needs_none(ratio):
+    """A wrist of ratio -0.4 had its motor found at ratio -1, and improve then saw somebody touch the robot 25 times."""
+
+    def coupled(log: Log) -> Log:
+        speed = np.gradient(log.q, log.t, axis=0) @ [1.0, ratio]
+        torque = 0.4 * speed + 0.5 * np.sign(speed)
+        return replace(log, tau=log.tau + np.outer(torque, [1.0, ratio]))
+
+    logs = [coupled(log_of(seed)) for seed in (3, 4)]
+    first = diagnose(identify(ARM, logs[:1], recursion="none").model, logs).findings[0]
+    assert first.effect == "joint_coupling"
+    assert first.probability > 0.8
+    (found,) = first.members
+    assert found.ratio == (1.0 if ratio == 1.0 else pytest.approx(ratio, rel=0.1))
+    assert first.parameters["fvm1_2"] == pytest.approx(0.4, rel=0.15)
+    assert first.parameters["fcm1_2"] == pytest.approx(0.5, rel=0.15)
+
+
 def test_a_coupling_needs_the_torques_of_both_joints():
     """Without one of them, the other's torque only follows a motion that is not its own."""
     robot = Robot.load("planar2")
@@ -392,7 +411,7 @@ def test_a_coupling_needs_the_torques_of_both_joints():
         model = identify(robot, [log], torque_joints=joints, recursion="none").model
         validator, _ = cross_validator(model, [log], "always")
         places = JointCoupling.candidates(robot)
-        assert [len(found) for found in usable_candidates(validator, places)] == [count] * len(places)
+        assert [len(x) for x in usable_candidates(validator, places)] == [count * len(shapes) for shapes in places]
 
 
 @pytest.mark.parametrize(("residual", "asks"), [(0.00407, False), (0.0046, True), (0.0022, False)])
