@@ -158,7 +158,8 @@ def _couplings(fits: RowFits) -> Iterator[Moved]:
         names = (sketch.robot.joints[i], sketch.robot.joints[k])
         mixed = sketch.robot.prismatic[i] != sketch.robot.prismatic[k]
         ratio = "RATIO" if mixed else "1"
-        meaning = "the ratio of a turning and a sliding joint is ±2π/lead of the screw" if mixed else "or ratio=-1"
+        screw, gear = "the ratio of a turning and a sliding joint is ±2π/lead of the screw", "another one is searched"
+        meaning = screw if mixed else f"{gear} without (ratio=1)"
         what = "torques that depend on the motion of both joints: a motor {turns|may turn} with both (coupled drives)"
         advice = (
             "give positions and torques of the joints, not of the motors, or identify and add the coupled motor: "

@@ -6,7 +6,9 @@
     them explain. On new logs, only the part beyond the known residual counts: the residual on the training logs was
     there before. Effects that did not enter follow, in order of their own evidence.
 4.  An effect that explains nearly as much as the first, and adds nothing beside the first, is a *rival*: these data
-    cannot distinguish the two. The simpler of two rivals comes first, or the one with more gain after its price.
+    cannot distinguish the two. The simpler of two rivals comes first, or the one with more gain after its price. An
+    effect that the first contains is no rival where the first explains more over blocks of time: a hose contains a
+    spring, and what rubs in the hose is no part of the spring.
 5.  An effect is named as confused with the first, too, where the first leaves no less error on its own joints than that
     effect does: a paired test over blocks of time (`block_test.less_error`).
     One that entered beside the first, at joints where the first explains less, is named at all places that it would
@@ -210,7 +212,7 @@ def _with_rivals(validator: CrossValidator, found: list[ScoredEffect]) -> list[S
     if not found or not found[0].entered:
         return found
     criteria, top = validator.criteria, found[0]
-    rivals = _instead(validator, top, found[1:])
+    rivals = [r for r in _instead(validator, top, found[1:]) if not _is_too_little(validator, r, top)]
     wider = [r for r in rivals if top.kind.id in r.contains]
     over = {r.kind.id: _over(validator, r, top) for r in rivals}
     sure = [r for r in rivals if over[r.kind.id] > 0 and r.p_value <= criteria.significance and r not in wider]
@@ -236,6 +238,15 @@ def _instead(validator: CrossValidator, top: ScoredEffect, others: Sequence[_Sco
         if beside is None or beside.gain <= 0 or beside.explained < criteria.rival_addition * top.explained:
             found.append(other)
     return found
+
+
+def _is_too_little(validator: CrossValidator, part: ScoredEffect, whole: ScoredEffect) -> bool:
+    """Whether an effect contains another one and explains more: by more than chance, and over blocks of time."""
+    criteria = validator.criteria
+    more = part.kind.id in whole.contains and whole.explained - part.explained > criteria.smallest_error**2
+    if not more or _over(validator, whole, part) <= 0:
+        return False
+    return less_error(validator, whole.together, part.together) <= criteria.block_p_value
 
 
 def _with_other_places(

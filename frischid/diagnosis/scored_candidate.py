@@ -96,13 +96,13 @@ def price(validator: CrossValidator, candidate: Candidate) -> float:
 def scored(validator: CrossValidator, shapes: Sequence[Candidate]) -> ScoredCandidate | None:
     """Score an effect in its best shape; None when the model's columns span the effect.
 
-    Among shapes with the same number of columns, the fit to the other folds decides. Among shapes with different
-    numbers of columns, the held-out data decide. A price in independent samples cannot decide there: while a slow
+    Among shapes with the same number of parameters, the fit to the other folds decides. Among shapes with different
+    numbers of parameters, the held-out data decide. A price in independent samples cannot decide there: while a slow
     effect is not in the model, the residual seems to have hardly any independent samples
     (`CrossValidator.effective_with`), so the shape with the fewest columns would always win.
     """
-    widths = {len(c.signs) for c in shapes}
-    tried = (_scored(validator, [c for c in shapes if len(c.signs) == width]) for width in sorted(widths))
+    sizes = {parameters_of(c) for c in shapes}
+    tried = (_scored(validator, [c for c in shapes if parameters_of(c) == size]) for size in sorted(sizes))
     found = [x for x in tried if x is not None]
     if len(found) < 2:
         return found[0] if found else None

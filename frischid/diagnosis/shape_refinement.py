@@ -52,7 +52,7 @@ def _beside(effect: Effect, name: str, step: float) -> list[Effect]:
 
     Beyond the grid's range a shape is no longer that of the effect: heat that flows off within a second is none.
     """
-    now, grid = float(effect.parameters[name]), effect.searched[name]
+    now, grid = float(effect.parameters[name]), effect.shapes[name]
     moved = (_rounded(now - step), _rounded(now + step))
     return [
         type(effect)(joints=effect.joints, **effect.parameters | {name: x})

@@ -105,7 +105,8 @@ class Effect(ABC):
     single: ClassVar[bool] = False
     """Whether the effect acts in one place only: the diagnosis then adds no further joints to it."""
     generalises: ClassVar[tuple[str, ...]] = ()
-    """Effects that this one contains. Where one of them explains nearly as much, the diagnosis names that one."""
+    """Effects that this one contains. Where the logs do not show that this one explains more than one of them that
+    explains nearly as much, the diagnosis names that one."""
     same_in_motion: ClassVar[str] = ""
     """Another effect that has the same columns wherever the joint moves. Beside the other one in the model, a diagnosis
     does not try this one: the two differ only at standstill, where dry friction is undetermined."""

@@ -150,8 +150,9 @@ class JointCoupling(Effect):
     ----------
     ratio : float
         Motion of the motor per motion of the second joint, over the motion of the motor per motion of the first: 1 in a
-        wrist whose motor turns with the sum of both, −1 in a wrist whose motor turns with their difference. Of a
-        turning and a sliding joint, as on the splined screw of a SCARA, it is in rad/m: ±2π/lead of the screw.
+        wrist whose motor turns with the sum of both, −1 in a wrist whose motor turns with their difference. Gears of
+        other sizes have other ratios. Of a turning and a sliding joint, as on the splined screw of a SCARA, it is in
+        rad/m: ±2π/lead of the screw.
     """
 
     id = "joint_coupling"
@@ -178,6 +179,7 @@ class JointCoupling(Effect):
 
     dry = True
     smooths_sign = True
+    shapes: ClassVar = {"ratio": (-8.0, -4.0, -2.0, -1.0, -0.5, -0.25, -0.125, 0.125, 0.25, 0.5, 1.0, 2.0, 4.0, 8.0)}
     units: ClassVar = {"width": SPEED_UNITS}
 
     ratio: float = 1.0
@@ -194,8 +196,13 @@ class JointCoupling(Effect):
 
     @classmethod
     def candidates(cls, robot: Robot) -> list[list[Self]]:
-        """Every two joints that follow one another: a motor for their sum, and a motor for their difference."""
-        return [[cls(joints=pair, ratio=ratio)] for pair in _neighbours(robot) for ratio in (1.0, -1.0)]
+        """Every two joints that follow one another, with each ratio."""
+        return [[*cls.variants(pair)] for pair in _neighbours(robot)]
+
+    @property
+    def searched(self) -> Mapping[str, tuple[float, ...]]:
+        """The ratio, but for that of a sum or a difference: most wrists have one of these two, which cost no search."""
+        return {} if abs(self.ratio) == 1 else self.shapes
 
     def pairs(self, robot: Robot) -> list[tuple[str, str]]:
         """Names of the coupled joints, pair by pair."""

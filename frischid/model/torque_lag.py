@@ -160,7 +160,7 @@ def described(lag: TorqueLag | None) -> Iterator[str]:
     said = [f"{j.name} {1e3 * j.lag:.3g} ± {1e3 * j.error:.2g} ms" for j in own]
     yield (
         f"the torque seems to lag the motion by {1e3 * lag.lag:.3g} ± {1e3 * lag.error:.2g} ms, but not on all joints "
-        f"alike ({', '.join(said)}): friction, elasticity or a torque filter of single drives, not a delay of the log"
+        f"alike ({', '.join(said)}): friction, elasticity or a delay or filter of single drives, not a delay of the log"
     )
 
 
