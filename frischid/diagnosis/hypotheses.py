@@ -132,8 +132,7 @@ def _of_finding(
     f: Finding, first: bool, rival: bool, most_own: float, causes: Sequence[Finding], total: float
 ) -> dict[str, float]:
     most = max(x.removed for x in causes)
-    kind = EFFECTS.get(f.effect)
-    searched = 1 if kind is None else int(np.prod([len(v) for v in kind.shapes.values()], initial=1.0))
+    searched = max((int(np.prod([len(v) for v in m.searched.values()], initial=1.0)) for m in f.members), default=1)
     return {
         "effect": 1.0,
         "first": float(first),
@@ -147,7 +146,7 @@ def _of_finding(
         "clear": float(np.log(max(f.over_twin, 1.0))),
         "gain": float(np.log10(1 + f.gain)),
         "searched": float(np.log(searched)),
-        "refit": float(kind is None),
+        "refit": float(f.effect not in EFFECTS),
     }
 
 
