@@ -172,7 +172,8 @@ def test_a_case_whose_right_answer_is_no_hypothesis_is_left_out():
 
 def test_of_effects_that_explain_the_same_the_one_with_fewer_shapes_is_likelier():
     named = [f for f in found("two").findings if f.effect in {"joint_spring", "quadratic_viscous"}]
-    first = replace(named[0], effect="cogging", confused_with=("joint_spring",))
+    ripple = EFFECTS["cogging"](joints=named[0].joints)
+    first = replace(named[0], effect="cogging", confused_with=("joint_spring",), members=(ripple,))
     second = replace(named[0], effect="joint_spring", confused_with=("cogging",), entered=False, own=0.0)
     noise = np.zeros(2)
     told = evidence_of([first, second], (noise + 0.1, noise + 0.05), (noise, noise), "effect", unmodelled=False)
