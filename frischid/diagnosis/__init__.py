@@ -6,9 +6,9 @@ Comes in: a model and logs. Goes out: findings with evidence, a verdict, and bet
 1. `motion_cache` (`cached_motion`, `candidate_columns`): logs are read once and kept as filtered torque and columns.
 2. `situation`: did the robot change after its model was identified? `change_prior`: the prior of either case.
 3. `cross_validation` (`dataset`, `model_columns`, `weighted_fit`): the model's cross-validated error, fold by fold.
-4. `contacts` (`robust_fit`): stretches of time in which something touched the robot are left out. `torque_limits`: so
-   are those in which a drive or a sensor is at its limit. `carried_loads` (`load_states`): the robot takes a load
-   within a log; the times with the load are left out, or those without.
+4. `contacts` (`robust_fit`, `start_states`): stretches of time in which something touched the robot are left out.
+   `torque_limits`: so are those in which a drive or a sensor is at its limit. `carried_loads` (`load_states`): the
+   robot takes a load within a log; the times with the load are left out, or those without.
 5. `findings` (`shape_screening`, `scored_candidate`, `symmetric_shifts`, `block_test`, `shape_refinement`,
    `stepwise_selection`, `effect_ranking`): every effect in every place is scored, alone and together. `after_change`:
    of a changed robot also beside the old parameters that hold a part of the effect.

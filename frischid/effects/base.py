@@ -164,6 +164,10 @@ class Effect(ABC):
     def terms(self, state: State) -> list[Term]:
         """Columns of this effect over `state`, which may be without samples (`State.empty`)."""
 
+    def remembered(self, state: State) -> list[Term]:
+        """Torque per unit of a coefficient and of a state that was there before the first sample; none by default."""
+        return []
+
     @classmethod
     def each(cls, effects: Sequence[Self], state: State) -> Iterator[list[Term]]:
         """Columns of several effects of this kind over `state`; some kinds compute several faster at once."""

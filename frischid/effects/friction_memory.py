@@ -43,11 +43,7 @@ def presliding(t: Array, v: Array, distance: float) -> Array:
     """
     if not len(v):
         return np.zeros(0)
-    moving = np.abs(v) > SIGN_WIDTH
-    first = int(moving.argmax()) if moving.any() else len(v)
-    path = 0.5 * (v[1:] + v[:-1]) * np.diff(t)
-    path[:first] = 0.0
-    begins = float(np.sign(v[first])) if moving.any() else 0.0
+    path, begins = _path(t, v)
     # While the direction s stays the same, s − z decays with the way covered: only the reversals need a loop.
     side = np.sign(path)
     turns = np.flatnonzero(np.diff(side, prepend=np.nan) != 0)
@@ -59,6 +55,27 @@ def presliding(t: Array, v: Array, distance: float) -> Array:
         starts.append(z)
         z = s - (s - z) * at_end
     return np.concatenate([[begins], side - (side - np.repeat(starts, sizes)) * kept])
+
+
+def _path(t: Array, v: Array) -> tuple[Array, float]:
+    """Signed way between two samples from the first clear motion on, rad (m), (N - 1,), and this motion's direction."""
+    moving = np.abs(v) > SIGN_WIDTH
+    first = int(moving.argmax()) if moving.any() else len(v)
+    path = 0.5 * (v[1:] + v[:-1]) * np.diff(t)
+    path[:first] = 0.0
+    return path, float(np.sign(v[first])) if moving.any() else 0.0
+
+
+def remembered(t: Array, v: Array, distance: float) -> Array:
+    """Share of the first sample's state z that is in the state of each sample, (N,): it decays with the way covered.
+
+    Parameters
+    ----------
+    t, v, distance
+        As of `presliding`.
+    """
+    way = np.concatenate([[0.0], np.cumsum(np.abs(_path(t, v)[0]))])[: len(v)]
+    return np.asarray(np.exp(-way / distance))
 
 
 @dataclass(frozen=True)
@@ -114,6 +131,10 @@ class Hysteresis(Effect):
 
         return self.per_joint(state, "fh", "", column, sign=1)
 
+    def remembered(self, state: State) -> list[Term]:
+        """Share of the first sample's state z, for each joint."""
+        return self.per_joint(state, "fh", "", lambda i: remembered(state.t, state.v[:, i], self.distance))
+
 
 @dataclass(frozen=True)
 class CableHose(Effect):
@@ -154,3 +175,7 @@ class CableHose(Effect):
             *self.per_joint(state, "kh", "position", lambda i: state.q[:, i], sign=1),
             *self.per_joint(state, "fz", "", lambda i: presliding(state.t, state.v[:, i], self.distance), sign=1),
         ]
+
+    def remembered(self, state: State) -> list[Term]:
+        """Share of the first sample's state z, for each joint."""
+        return self.per_joint(state, "fz", "", lambda i: remembered(state.t, state.v[:, i], self.distance))

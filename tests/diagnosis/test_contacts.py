@@ -122,3 +122,29 @@ def test_a_robust_fit_hardly_sees_a_push():
     ]
     least = sum(calm.squares(row, calm.theta) for row in (0, 1))
     assert sse[1] < 1.2 * least < 0.5 * sse[0]
+
+
+@pytest.mark.parametrize("push", [0.0, 20.0])
+def test_a_hose_that_was_bent_before_the_log_is_no_contact(push):
+    """Both logs begin just after the elbow reversed, so the hose's friction still points the other way for a while."""
+    hose = (*fr.BASELINE, *fr.parse_effects("cable_hose(distance=0.3)@elbow_joint"))
+    logs = []
+    for seed in (1, 2):
+        log = fr.simulate(
+            UR5,
+            fr.random_fourier(UR5, 60, seed=seed),
+            rate=100,
+            effects=hose,
+            parameters=DRY | {"kh3": 10.0, "fz3": 10.0},
+            noise=fr.Noise(q=1e-5, tau=0.01),
+            seed=seed,
+        )
+        turns = np.flatnonzero(np.diff(np.sign(log.v[:, 2])))
+        first = int(turns[turns > 500][0]) + 5
+        tau = np.array(log.tau[first:])
+        tau += np.multiply(push, ((log.t > 30) & (log.t < 31) & (seed == 1))[first:, None])
+        logs.append(fr.Log(log.t[first:], log.joints, log.q[first:], tau=tau, source=f"log {seed}"))
+    model = fr.identify(UR5, logs, effects=hose, recursion="none").model
+    validator, _ = cross_validator(model, logs)
+    found = [burst.contact for burst in find_contacts(validator, Floor.of(validator).noise)]
+    assert [round(contact.start) for contact in found] == ([30] if push else [])
