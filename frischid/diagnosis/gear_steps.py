@@ -9,6 +9,10 @@ torque that a continuous line with a dozen kinks describes nearly as well is a s
 
 Such a line times sign(q̇) is the dry friction of a bearing that is worn at some angles.
 
+A gear or a pulley out of centre, and a universal joint, change the scale of the torque with the angle,
+
+    τ = τ_model (a sin kq + b cos kq),  k a small integer.
+
 Source: Chen, Billings and Luo 1989, Int. J. Control 50(5).
 """
 
@@ -25,6 +29,8 @@ from frischid.diagnosis.residual_variables import MOST_ROWS, variables
 from frischid.diagnosis.scored_candidate import ScoredCandidate, scored
 from frischid.diagnosis.weighted_fit import IN_SPAN
 from frischid.effects import Formula
+
+_ORDERS = (1, 2, 3, 4)  # waves per turn: one of a part out of centre, two of a universal joint, more of cranks
 
 
 def evenly_spaced_jumps(validator: CrossValidator, row: int, count: int) -> list[Formula]:
@@ -52,6 +58,17 @@ def worn_friction(validator: CrossValidator, row: int) -> ScoredCandidate | None
     bent = _terms(validator, row, f"abs({{}})*sign(v{number})", validator.criteria.max_jumps)
     kinked = [c for c in validator.candidates(bent) if c.columns]
     return _best(validator, row, [kinked] if kinked else [])
+
+
+def uneven_scale(validator: CrossValidator, row: int) -> ScoredCandidate | None:
+    """A scale of the torque that changes with the angle of a turning joint; None for other joints."""
+    robot, joint = validator.model.robot, validator.joints[row]
+    if robot.prismatic[robot.joints.index(joint)]:
+        return None
+    number = robot.numbers[joint]
+    waves = [f"tau_model{number}*{wave}({k}*q{number})" for k in _ORDERS for wave in ("sin", "cos")]
+    found = validator.candidates([Formula((joint,), wave) for wave in waves])
+    return _best(validator, row, [found[2 * n : 2 * n + 2] for n in range(len(_ORDERS))])
 
 
 def _terms(validator: CrossValidator, row: int, form: str, count: int) -> list[Formula]:

@@ -1,11 +1,11 @@
 """A term outside the catalogue that explains far more than the first finding: then the finding is not the cause.
 
 The catalogue has no effect for the action of one joint on another, nor for a torque that jumps at a few angles of a
-gear, nor for a motor that gives less torque per ampere at a high current, nor for dry friction that is another function
-of the angle than a straight line, as of a bearing worn at one place. Yet some effect of the catalogue may resemble such
-a torque and be found. So the best of these *unmodelled terms* is compared with the first finding, on the joint where
-the finding explains most. Each of the two is fitted together with all other effects that entered. The finding is not
-the cause if
+gear, nor for a motor that gives less torque per ampere at a high current, nor for a gear out of centre, whose torque
+changes with the angle at the same load, nor for dry friction that is another function of the angle than a straight
+line, as of a bearing worn at one place. Yet some effect of the catalogue may resemble such a torque and be found. So
+the best of these *unmodelled terms* is compared with the first finding, on the joint where the finding explains most.
+Each of the two is fitted together with all other effects that entered. The finding is not the cause if
 
     NRMSE²(with the term) − floor²  <  ½ (NRMSE²(with the finding) − floor²).
 
@@ -25,7 +25,7 @@ from frischid.core.types import Array
 from frischid.diagnosis.block_test import block_test
 from frischid.diagnosis.cross_validation import CrossValidator
 from frischid.diagnosis.effect_ranking import Ranking
-from frischid.diagnosis.gear_steps import gear_steps, worn_friction
+from frischid.diagnosis.gear_steps import gear_steps, uneven_scale, worn_friction
 from frischid.diagnosis.residual_formula import coupling_expressions, expression_of
 from frischid.diagnosis.scored_candidate import ScoredCandidate, scored
 from frischid.effects import Formula, PositionFriction
@@ -95,7 +95,9 @@ def _term_on(
     words = f"'{expression}'"
     if expression == saturation_expression(number):
         words = "a scale of the torque that changes with the torque, as of a motor that saturates,"
-    if len(term.candidate.signs) > 1:
+    if f"tau_model{number}*" in expression and len(term.candidate.signs) > 1:
+        words = f"a scale of the torque that changes with q{number}, as of a gear or a pulley out of centre,"
+    elif len(term.candidate.signs) > 1:
         dry = f"sign(v{number})" in expression
         words = (
             f"dry friction that changes with q{number}"
@@ -108,14 +110,16 @@ def _term_on(
 def best_unmodelled(
     validator: CrossValidator, row: int, jumping: bool = True, *, worn: bool = True, significant: bool = True
 ) -> ScoredCandidate | None:
-    """Best term outside the catalogue on one joint: a coupling, a saturating motor, jumps, or worn friction; or None.
+    """Best term outside the catalogue on one joint, or None.
+
+    Tried are couplings, a motor that saturates, jumps, a gear out of centre, and worn friction.
 
     Parameters
     ----------
     row : int
         Position of the joint among the fitted ones.
     jumping : bool
-        Whether to try functions of the joint's own angle: jumps, and dry friction.
+        Whether to try functions of the joint's own angle: jumps, a gear out of centre, and dry friction.
     worn : bool
         Whether dry friction is among these.
     significant : bool
@@ -126,7 +130,7 @@ def best_unmodelled(
     of_torque = saturation_expression(validator.model.robot.numbers[joint])
     terms = [Formula((joint,), e) for e in (*coupling_expressions(validator, joint), of_torque)]
     found = [x for c in validator.candidates(terms) if c.columns and (x := scored(validator, [c])) is not None]
-    of_angle = [gear_steps, *([worn_friction] if worn else [])] if jumping else []
+    of_angle = [gear_steps, uneven_scale, *([worn_friction] if worn else [])] if jumping else []
     found += [x for term in of_angle if (x := term(validator, row)) is not None]
     best = min(found, key=lambda x: float(validator.nrmse(x.score.predictive)[row]), default=None)
     if best is None or (significant and best.p_value(len(found)) > criteria.significance):

@@ -122,3 +122,19 @@ def test_a_motor_that_saturates_is_no_constant_scale(bend):
         assert any("as of a motor that saturates, explains" in note for note in found.notes)
     else:
         assert (found.verdict, best) == ("effect", "drive_gain")
+
+
+@pytest.mark.parametrize("orders", [1, 2])
+def test_a_gear_out_of_centre_is_no_spring(orders):
+    """The torque's scale changes by 10 % with the angle; where the load is that of gravity, a spring resembles this."""
+    logs = []
+    for seed in (1, 2):
+        motion, noise = fr.random_fourier(PLANAR2, 25.0, seed=seed, scale=0.8), fr.Noise(q=1e-6, tau=0.01)
+        log = fr.simulate(PLANAR2, motion, rate=100.0, parameters=DRY, noise=noise, seed=seed, name=f"log {seed}")
+        tau = np.array(log.tau)
+        tau[:, 0] *= 1.0 + 0.1 * np.sin(orders * log.q[:, 0] + 0.7)
+        logs.append(replace(log, tau=tau))
+    found = fr.diagnose(fr.identify(PLANAR2, logs, recursion="none").model, logs)
+    best = max(found.probabilities, key=lambda name: found.probabilities[name])
+    assert (found.verdict, best) == ("unknown", "outside")
+    assert any("changes with q1, as of a gear or a pulley out of centre, explains" in note for note in found.notes)
