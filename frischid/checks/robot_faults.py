@@ -158,13 +158,16 @@ def _couplings(fits: RowFits) -> Iterator[Moved]:
         names = (sketch.robot.joints[i], sketch.robot.joints[k])
         mixed = sketch.robot.prismatic[i] != sketch.robot.prismatic[k]
         ratio = "RATIO" if mixed else "1"
-        screw, gear = "the ratio of a turning and a sliding joint is ±2π/lead of the screw", "another one is searched"
-        meaning = screw if mixed else f"{gear} without (ratio=1)"
+        screw, gear = (
+            "the ratio of a turning and a sliding joint is ±2π/lead of the screw",
+            "frischid searches the ratio",
+        )
+        meaning = screw if mixed else f"without (ratio=1), {gear}"
         what = "torques that depend on the motion of both joints: a motor {turns|may turn} with both (coupled drives)"
         advice = (
             "give positions and torques of the joints, not of the motors, or identify and add the coupled motor: "
-            f"frischid add MODEL {shlex.quote(f'joint_coupling(ratio={ratio})@{names[0]}+{names[1]}')}; {meaning}; it "
-            "is not a fault of columns, signs or units"
+            f"frischid add MODEL {shlex.quote(f'joint_coupling(ratio={ratio})@{names[0]}+{names[1]}')}; {meaning}; "
+            "this is not a fault of columns, signs or units"
         )
         fault = Fault(
             "motor coupling",

@@ -4,11 +4,11 @@ A contact makes the residual e_j of joint j large for a few tenths of a second t
 otherwise explains. With u_j the robust standard deviation of e_j (from the median absolute deviation), the smoothed
 energy of the residual is
 
-    z_j(t) = mean of e_j² / (u_j² + x_jᵀ H⁻¹ x_j + m_j) over 0.25 s around t,
+    z_j(t) = mean of e_j² / (u_j² + x_jᵀ H⁻¹ x_j) over 0.25 s around t,
 
 where x_j are the columns of the model at that time and H is the information of its parameters. The second term is the
 variance of a prediction: a fit that has not seen the fast part of a motion predicts it badly, and nothing has touched
-the robot there (a studentised residual). The third is the variance of what friction with memory remembers from before
+the robot there (a studentised residual). e_j is the residual without what friction with memory remembers from before
 the log (`start_states`).
 
 A *burst* is a stretch of time with z_j > 6 in which z_j exceeds 30 at least once. A contact also biases the parameters.
@@ -49,7 +49,7 @@ from frischid.diagnosis.findings import Finding
 from frischid.diagnosis.residual_variables import MOST_ROWS, speeds, thinned
 from frischid.diagnosis.reversal_residuals import filtered_width
 from frischid.diagnosis.robust_fit import robust_parameters
-from frischid.diagnosis.start_states import variance_of_start
+from frischid.diagnosis.start_states import remembered_torque, without_memory
 from frischid.diagnosis.stretches import Stretch
 from frischid.diagnosis.unmodelled_terms import best_unmodelled
 from frischid.logs.log import Log
@@ -184,14 +184,14 @@ def _bursts(validator: CrossValidator, rest: CrossValidator, theta: Array, unit:
     motions = zip(data.sources, data.times, speeds(validator), strict=True)
     for number, (source, t, speed) in enumerate(motions):
         z, friction = np.zeros((2, len(t), len(scale)))
-        before = variance_of_start(data.cache, data.cache.motions[number], theta)
+        remembered = remembered_torque(data.cache, data.cache.motions[number], theta)
         for row, noise in enumerate(scale):
             joint, active = data.of_motion(row, number), data.cache.active[row]
             variance = np.einsum("ni,ij,nj->n", joint.Y, covariance[np.ix_(active, active)], joint.Y, optimize=True)
-            error = validator.columns.residual(joint, theta)
-            if row in before:
-                variance = variance + before[row][joint.picked]
-            sigma = np.sqrt(noise**2 + variance)
+            error, variance = validator.columns.residual(joint, theta), variance + noise**2
+            if row in remembered:
+                error, variance = without_memory(error, variance, remembered[row][joint.picked])
+            sigma = np.sqrt(variance)
             z[joint.picked, row], friction[joint.picked, row] = error / sigma, dry[row] / sigma
         reach = filtered_width(validator.model.lowpass, data.cache.motions[number].step)
         found += _of_motion(source, t, z**2, friction**2, speed, reach, validator)

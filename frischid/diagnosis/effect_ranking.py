@@ -7,8 +7,8 @@
     there before. Effects that did not enter follow, in order of their own evidence.
 4.  An effect that explains nearly as much as the first, and adds nothing beside the first, is a *rival*: these data
     cannot distinguish the two. The simpler of two rivals comes first, or the one with more gain after its price. An
-    effect that the first contains is no rival where the first explains more over blocks of time: a hose contains a
-    spring, and what rubs in the hose is no part of the spring.
+    effect that the first contains is no rival where the first explains more over blocks of time, beside all others that
+    entered: a hose contains a spring, and the friction in the hose is no part of a spring.
 5.  An effect is named as confused with the first, too, where the first leaves no less error on its own joints than that
     effect does: a paired test over blocks of time (`block_test.less_error`).
     One that entered beside the first, at joints where the first explains less, is named at all places that it would
@@ -212,7 +212,7 @@ def _with_rivals(validator: CrossValidator, found: list[ScoredEffect]) -> list[S
     if not found or not found[0].entered:
         return found
     criteria, top = validator.criteria, found[0]
-    rivals = [r for r in _instead(validator, top, found[1:]) if not _is_too_little(validator, r, top)]
+    rivals = [r for r in _instead(validator, top, found[1:]) if not _is_a_part(validator, r, top, found)]
     wider = [r for r in rivals if top.kind.id in r.contains]
     over = {r.kind.id: _over(validator, r, top) for r in rivals}
     sure = [r for r in rivals if over[r.kind.id] > 0 and r.p_value <= criteria.significance and r not in wider]
@@ -240,11 +240,18 @@ def _instead(validator: CrossValidator, top: ScoredEffect, others: Sequence[_Sco
     return found
 
 
-def _is_too_little(validator: CrossValidator, part: ScoredEffect, whole: ScoredEffect) -> bool:
-    """Whether an effect contains another one and explains more: by more than chance, and over blocks of time."""
+def _is_a_part(validator: CrossValidator, part: ScoredEffect, whole: ScoredEffect, found: list[ScoredEffect]) -> bool:
+    """Whether an effect is only a part of another one, which explains more: by more than chance, and in most blocks."""
+    if part.kind.id not in whole.contains:
+        return False
     criteria = validator.criteria
-    more = part.kind.id in whole.contains and whole.explained - part.explained > criteria.smallest_error**2
-    if not more or _over(validator, whole, part) <= 0:
+    for other in found:  # a friction of its own is no part of a hose
+        if other.entered and other is not whole and other is not part:
+            validator = validator.extended(other.together)
+    more, less = scored(validator, [whole.together]), scored(validator, [part.together])
+    if more is None or less is None or more.explained - less.explained <= criteria.smallest_error**2:
+        return False
+    if _over(validator, more, less) <= 0:
         return False
     return less_error(validator, whole.together, part.together) <= criteria.block_p_value
 
@@ -262,7 +269,9 @@ def _with_other_places(
     return [replace(top, elsewhere=tuple(alone)), *found[1:]]
 
 
-def _over(validator: CrossValidator, one: ScoredEffect, other: ScoredEffect) -> float:
+def _over(
+    validator: CrossValidator, one: ScoredEffect | ScoredCandidate, other: ScoredEffect | ScoredCandidate
+) -> float:
     """Log likelihood of one effect over that of another, less the difference of their prices.
 
     Both count the same independent samples. Their gains do not, because each gain takes the correlation of what its own

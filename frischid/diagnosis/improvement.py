@@ -15,6 +15,7 @@ Source: Chen, Billings and Luo 1989, Int. J. Control 50(5).
 
 from __future__ import annotations
 
+import itertools
 from collections.abc import Callable, Sequence
 from dataclasses import replace
 
@@ -233,6 +234,11 @@ def _harmless_shape(
 
     Samples in motion hardly decide some shapes, the distance of a hysteresis for one; samples at standstill may.
     """
-    grids = [[x for x in effect.variants(effect.joints) if x.searched] for effect in finding.members if effect.searched]
+    if not any(effect.searched for effect in finding.members):
+        return None
+    grids = [
+        [x for x in effect.variants(effect.joints) if x.searched] if effect.searched else itertools.repeat(effect)
+        for effect in finding.members
+    ]
     tried = (_accepted(model, diagnosis, finding, members, logs)[0] for members in zip(*grids, strict=False))
     return min((x for x in tried if x is not None), key=lambda x: x.error_after, default=None)

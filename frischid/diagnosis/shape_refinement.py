@@ -12,7 +12,7 @@ from collections.abc import Sequence
 
 from frischid.diagnosis.after_change import with_old_parameters
 from frischid.diagnosis.cross_validation import CrossValidator
-from frischid.diagnosis.scored_candidate import ScoredCandidate, scored, usable_candidates
+from frischid.diagnosis.scored_candidate import ScoredCandidate, parameters_of, scored, usable_candidates
 from frischid.effects import Effect
 
 _FRACTIONS = (0.5, 0.25, 0.125)  # of the distance to the next value of a shape's grid
@@ -22,7 +22,7 @@ _MOVES = 4  # at most, of each fraction
 def with_refined_contenders(validator: CrossValidator, pool: Sequence[ScoredCandidate]) -> list[ScoredCandidate]:
     """Refine the shapes of candidates that may be the best: a coarse grid must not decide between two effects."""
     criteria = validator.criteria
-    likely = [c for c in pool if c.gain > 0 and c.effect.searched]
+    likely = [c for c in pool if c.gain > 0 and any(x.searched for x in c.effect.variants(c.effect.joints))]
     bar = criteria.contender_share * max((c.explained for c in pool if c.gain > 0), default=0.0)
     contenders = sorted((c for c in likely if c.explained > bar), key=lambda c: -c.explained)[: criteria.max_contenders]
     return [refined(validator, c) if any(c is x for x in contenders) else c for c in pool]
@@ -30,21 +30,29 @@ def with_refined_contenders(validator: CrossValidator, pool: Sequence[ScoredCand
 
 def refined(validator: CrossValidator, found: ScoredCandidate) -> ScoredCandidate:
     """The candidate with its shape parameters between the grid's values, where that explains more."""
-    shapes = found.effect.searched
+    shapes = found.effect.shapes
     steps = {name: _step(values, float(found.effect.parameters[name])) for name, values in shapes.items()}
     for fraction in _FRACTIONS if any(steps.values()) else ():
         for _ in range(_MOVES):
             near = [
                 moved for name, step in steps.items() if step for moved in _beside(found.effect, name, fraction * step)
             ]
-            (candidates,) = usable_candidates(validator, [near])
+            (candidates,) = usable_candidates(validator, [[x for x in near if x.searched]])
             if found.candidate.beside:
                 (candidates,) = with_old_parameters(validator, [candidates])
             better = scored(validator, candidates) if candidates else None
-            if better is None or better.explained <= found.explained:
+            if better is None or better.explained <= found.explained or not _pays(validator, better, found):
                 break
             found = better
     return found
+
+
+def _pays(validator: CrossValidator, better: ScoredCandidate, found: ScoredCandidate) -> bool:
+    """Whether held-out data pay for a shape that has more parameters, as a ratio that is not 1."""
+    if parameters_of(better.candidate) == parameters_of(found.candidate):
+        return True
+    best = scored(validator, [found.candidate, better.candidate])
+    return best is not None and best.candidate is better.candidate
 
 
 def _beside(effect: Effect, name: str, step: float) -> list[Effect]:

@@ -1,13 +1,18 @@
-"""What friction with memory remembers from before a log: no log shows it, so a prediction is uncertain by it.
+"""What friction with memory remembers from before a log: no log shows that motion, so the state is estimated.
 
-The torque β z of such friction (`frischid.effects.friction_memory`) depends on a state z between −1 and 1. An error of
-the state at the first sample decays with the way s that the joint has covered since,
+The torque β z of such friction (`frischid.effects.friction_memory`) depends on a state z between −1 and 1. The columns
+of a model assume that z begins at 1 or −1. The error of that state decays with the way s that the joint has covered,
 
-    Δz(s) = Δz(0) exp(−s / distance).
+    β Δz(0) b,    b = exp(−s / distance).
 
-The columns assume that z begins at 1 or −1. If it began anywhere between them, E[Δz(0)²] = ∫ (1 − z)² dz / 2 = 4/3, so
-the prediction has the variance 4/3 (β exp(−s / distance))². The hose of a robot that begins to move the other way than
-it stopped is off by twice β, which is no contact.
+If z began anywhere between the two ends, E[Δz(0)²] = ∫ (1 − z)² dz / 2 = 4/3. With this prior and the residual e of the
+joint, whose variance is σ², the error of the state has the mean and the variance
+
+    Δz(0) = p⁻¹ Σ β b e / σ²,    p⁻¹ = 1 / (3/4 + Σ (β b)² / σ²).
+
+The torque of a hose that begins to move the other way than it stopped is off by twice β, and that is no contact.
+
+Source: ridge regression as a posterior mean, Hoerl and Kennard 1970, Technometrics 12(1).
 """
 
 from __future__ import annotations
@@ -19,11 +24,11 @@ from frischid.diagnosis.cached_motion import CachedMotion
 from frischid.diagnosis.motion_cache import MotionCache
 from frischid.logs.filters import decimating_filter
 
-_ERROR = 4 / 3  # mean square of the state's error at the first sample
+_SPREAD = 4 / 3  # mean square of the state's error at the first sample
 
 
-def variance_of_start(cache: MotionCache, motion: CachedMotion, theta: Array) -> dict[int, Array]:
-    """Variance of each joint's predicted torque that comes from the unknown states before a motion.
+def remembered_torque(cache: MotionCache, motion: CachedMotion, theta: Array) -> dict[int, Array]:
+    """Torque of each joint per unit of the error of a state at the first sample, β b.
 
     Parameters
     ----------
@@ -32,21 +37,36 @@ def variance_of_start(cache: MotionCache, motion: CachedMotion, theta: Array) ->
 
     Returns
     -------
-    dict of int to ndarray, shape (M,)
-        Position of a joint among the fitted ones -> variance at the motion's filtered samples, (N·m)² (N²). Joints
-        without such friction are absent.
+    dict of int to ndarray, shape (M, k)
+        Position of a joint among the fitted ones -> torque at the motion's filtered samples, N·m (N), for each of k
+        effects. Joints without such friction are absent.
     """
+    effects = [effect for effect in cache.model.effects if effect.memory]
+    if not effects:
+        return {}
     state, lowpass = cache.state(motion), cache.model.lowpass
     place = {column.name: k for k, column in enumerate(cache.model.estimate.columns)}
-    terms = [x for effect in cache.model.effects for x in effect.remembered(state) if x.column.name in place]
-    if not terms:
-        return {}
     low = decimating_filter(lowpass.taps(motion.step), motion.raw, lowpass.decimation(motion.step))
-    found: dict[int, Array] = {}
-    for term in terms:
+    found: dict[int, list[Array]] = {}
+    for term in (x for effect in effects for x in effect.remembered(state) if x.column.name in place):
         for joint, values in term.rows.items():
             if joint in cache.position:
-                row = cache.position[joint]
                 torque = theta[place[term.column.name]] * np.asarray(low @ values)
-                found[row] = found.get(row, 0.0) + _ERROR * torque**2
-    return found
+                found.setdefault(cache.position[joint], []).append(torque)
+    return {row: np.column_stack(columns) for row, columns in found.items()}
+
+
+def without_memory(error: Array, variance: Array, torque: Array) -> tuple[Array, Array]:
+    """The residual without what is remembered, and its variance with the uncertainty of that, (n,) each.
+
+    Parameters
+    ----------
+    error, variance : ndarray, shape (n,)
+        Residual of a joint, N·m (N), and its variance.
+    torque : ndarray, shape (n, k)
+        As of `remembered_torque`.
+    """
+    weighted = torque / variance[:, None]
+    covariance = np.linalg.inv(np.eye(torque.shape[1]) / _SPREAD + torque.T @ weighted)
+    states = covariance @ (weighted.T @ error)
+    return error - torque @ states, variance + np.einsum("ni,ij,nj->n", torque, covariance, torque)

@@ -105,8 +105,8 @@ class Effect(ABC):
     single: ClassVar[bool] = False
     """Whether the effect acts in one place only: the diagnosis then adds no further joints to it."""
     generalises: ClassVar[tuple[str, ...]] = ()
-    """Effects that this one contains. Where the logs do not show that this one explains more than one of them that
-    explains nearly as much, the diagnosis names that one."""
+    """Effects that this one contains. If one of them explains nearly as much, the diagnosis names that one, unless the
+    logs show that this one explains more."""
     same_in_motion: ClassVar[str] = ""
     """Another effect that has the same columns wherever the joint moves. Beside the other one in the model, a diagnosis
     does not try this one: the two differ only at standstill, where dry friction is undetermined."""
@@ -165,7 +165,11 @@ class Effect(ABC):
         """Columns of this effect over `state`, which may be without samples (`State.empty`)."""
 
     def remembered(self, state: State) -> list[Term]:
-        """Torque per unit of a coefficient and of a state that was there before the first sample; none by default."""
+        """What an unknown state before the first sample adds to the torque; nothing by default.
+
+        One term for each such coefficient, under the column's name in `terms`. Its values are the share of the first
+        sample's state that each sample still holds. The state lies between −1 and 1, and `terms` begins at an end.
+        """
         return []
 
     @classmethod

@@ -67,7 +67,9 @@ def _path(t: Array, v: Array) -> tuple[Array, float]:
 
 
 def remembered(t: Array, v: Array, distance: float) -> Array:
-    """Share of the first sample's state z that is in the state of each sample, (N,): it decays with the way covered.
+    """Share of the first sample's state z that is in the state of each sample, (N,).
+
+    It decays with the way covered, which counts from the first clear motion on.
 
     Parameters
     ----------

@@ -201,7 +201,7 @@ class JointCoupling(Effect):
 
     @property
     def searched(self) -> Mapping[str, tuple[float, ...]]:
-        """The ratio, but for that of a sum or a difference: most wrists have one of these two, which cost no search."""
+        """The ratio; but 1 and −1, which most wrists have, count as no search."""
         return {} if abs(self.ratio) == 1 else self.shapes
 
     def pairs(self, robot: Robot) -> list[tuple[str, str]]:

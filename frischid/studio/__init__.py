@@ -33,10 +33,10 @@ if TYPE_CHECKING:
 
 FRAME = 0.05  # s between two poses of a moving robot
 PIXELS = "fixedDpr=1"
-"""Part of the address: the scene has one pixel per pixel of the page.
+"""Part of the address: viser draws the scene with one dot per CSS pixel, so a dense screen shows it less sharp.
 
-viser tells the scene's size in pixels of the screen, of which a page has one to three per pixel of its own, and lowers
-their number while the browser is slow. Without this part, a telephone looks as wide as a desk's screen."""
+Without this part, viser reports the scene's size in dots of the screen, one to three per CSS pixel, and changes their
+number while the browser is slow: then a telephone looks as wide as a desk's screen."""
 
 
 class Studio:

@@ -11,6 +11,7 @@ from frischid.diagnosis.contacts import find_contacts
 from frischid.diagnosis.floor import Floor
 from frischid.diagnosis.robust_fit import robust_parameters
 from frischid.diagnosis.situation import cross_validator
+from frischid.diagnosis.start_states import without_memory
 from frischid.motions.trajectory import Fourier
 
 UR5 = fr.Robot.load("ur5")
@@ -148,3 +149,15 @@ def test_a_hose_that_was_bent_before_the_log_is_no_contact(push):
     validator, _ = cross_validator(model, logs)
     found = [burst.contact for burst in find_contacts(validator, Floor.of(validator).noise)]
     assert [round(contact.start) for contact in found] == ([30] if push else [])
+
+
+def test_what_a_state_before_the_log_explains_is_hardly_a_push():
+    """A joint that covers little way still holds its first state: the error is estimated, and a push stays visible."""
+    rng, n = np.random.default_rng(0), 6000
+    torque = 10 * np.exp(-np.linspace(0, 0.3, n))[:, None]  # beta b of a hose of 10 N·m
+    push = 20.0 * ((np.arange(n) > 3000) & (np.arange(n) < 3100))
+    error = 1.5 * torque[:, 0] + push + rng.normal(0, 0.1, n)
+    rest, variance = without_memory(error, np.full(n, 0.1**2), torque)
+    assert np.abs(rest[:2900]).max() < 1.0
+    assert rest[3050] > 19.0
+    assert np.sqrt(variance).max() < 0.11

@@ -384,7 +384,7 @@ def test_what_differs_from_the_model_at_standstill_alone_is_no_candidate(known, 
     assert all("as offset, and at standstill" in note for note in said)
 
 
-@pytest.mark.parametrize("ratio", [1.0, -0.4, 2.7])
+@pytest.mark.parametrize("ratio", [1.0, -0.4, 2.7, 0.8, -1.2])
 def test_the_ratio_of_a_coupling_is_searched_and_that_of_a_sum_needs_none(ratio):
     """A wrist of ratio -0.4 had its motor found at ratio -1, and improve then saw somebody touch the robot 25 times."""
 
