@@ -21,7 +21,7 @@ from frischid.diagnosis.step_acceptance import (
     worse_joints,
     worse_with_standstill,
 )
-from frischid.effects import BASELINE, parse_effects
+from frischid.effects import BASELINE, JointCoupling, parse_effects
 from frischid.model import identification
 from frischid.model.comparison import compare
 from frischid.model.events import cross_validated_nrmse
@@ -385,3 +385,16 @@ def test_of_few_blocks_chance_seldom_passes():
         fall = 2 * rng.normal(size=len(x)) * x - 0.1 * x**2
         passed += p_value_of_fall(fall, x**2, criteria) < criteria.block_p_value
     assert passed / 2000 < 1.5 * criteria.block_p_value
+
+
+def test_other_shapes_keep_the_places_whose_shape_is_not_searched(monkeypatch):
+    """A motor that turns with a sum has no ratio to try; it stays beside one whose ratio is searched."""
+    fixed, searched = JointCoupling(("a", "b"), ratio=1.0), JointCoupling(("c", "d"), ratio=2.5)
+    tried = []
+    monkeypatch.setattr(improvement, "_accepted", lambda *given: tried.append(given[3]) or (None, ""))
+    assert improvement._harmless_shape(None, None, SimpleNamespace(members=(fixed, searched)), ()) is None
+    assert len(tried) > 5
+    assert all(first == fixed and second.joints == searched.joints for first, second in tried)
+    tried.clear()
+    assert improvement._harmless_shape(None, None, SimpleNamespace(members=(fixed,)), ()) is None
+    assert tried == []
