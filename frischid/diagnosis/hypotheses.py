@@ -29,7 +29,7 @@ OTHERS = ("none", "several", "outside", "contact")
 _ROUNDED = 1e-6  # relative difference of two results that is rounding
 _LEAST_LOG = -5.0  # log ratio below which a smaller part says nothing more
 
-_OF_KIND = ("searched", "refit")  # numbers of a kind of effect, which the logs do not change
+_OF_KIND = ("searched", "refit")  # numbers of an effect and its shape, not of its fit
 
 
 @dataclass(frozen=True)

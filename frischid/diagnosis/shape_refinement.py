@@ -22,7 +22,7 @@ _MOVES = 4  # at most, of each fraction
 def with_refined_contenders(validator: CrossValidator, pool: Sequence[ScoredCandidate]) -> list[ScoredCandidate]:
     """Refine the shapes of candidates that may be the best: a coarse grid must not decide between two effects."""
     criteria = validator.criteria
-    likely = [c for c in pool if c.gain > 0 and any(x.searched for x in c.effect.variants(c.effect.joints))]
+    likely = [c for c in pool if c.gain > 0 and _may_move(c.effect)]
     bar = criteria.contender_share * max((c.explained for c in pool if c.gain > 0), default=0.0)
     contenders = sorted((c for c in likely if c.explained > bar), key=lambda c: -c.explained)[: criteria.max_contenders]
     return [refined(validator, c) if any(c is x for x in contenders) else c for c in pool]
@@ -45,6 +45,11 @@ def refined(validator: CrossValidator, found: ScoredCandidate) -> ScoredCandidat
                 break
             found = better
     return found
+
+
+def _may_move(effect: Effect) -> bool:
+    """Whether a shape is searched, or another value of the shape would be, as that of a coupling with ratio 1."""
+    return bool(effect.searched) or any(x.searched for x in effect.variants(effect.joints))
 
 
 def _pays(validator: CrossValidator, better: ScoredCandidate, found: ScoredCandidate) -> bool:

@@ -1,12 +1,13 @@
 """What friction with memory remembers from before a log: no log shows that motion, so the state is estimated.
 
 The torque β z of such friction (`frischid.effects.friction_memory`) depends on a state z between −1 and 1. The columns
-of a model assume that z begins at 1 or −1. The error of that state decays with the way s that the joint has covered,
+of a model assume that z begins at 1 or −1, or at 0 where the joint never moves clearly. The error of that state decays
+with the way s that the joint has covered,
 
     β Δz(0) b,    b = exp(−s / distance).
 
-If z began anywhere between the two ends, E[Δz(0)²] = ∫ (1 − z)² dz / 2 = 4/3. With this prior and the residual e of the
-joint, whose variance is σ², the error of the state has the mean and the variance
+If z began anywhere between the two ends, E[Δz(0)²] is at most ∫ (1 − z)² dz / 2 = 4/3. With this prior and the residual
+e of the joint, whose variance is σ², the error of the state has the mean and the variance
 
     Δz(0) = p⁻¹ Σ β b e / σ²,    p⁻¹ = 1 / (3/4 + Σ (β b)² / σ²).
 

@@ -197,7 +197,7 @@ class JointCoupling(Effect):
     @classmethod
     def candidates(cls, robot: Robot) -> list[list[Self]]:
         """Every two joints that follow one another, with each ratio."""
-        return [[*cls.variants(pair)] for pair in _neighbours(robot)]
+        return [cls.variants(pair) for pair in _neighbours(robot)]
 
     @property
     def searched(self) -> Mapping[str, tuple[float, ...]]:

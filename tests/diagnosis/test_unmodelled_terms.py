@@ -105,18 +105,23 @@ def test_friction_that_grows_with_load_or_angle_keeps_its_name(friction, name):
     assert found.probabilities[name] > 0.9
 
 
-@pytest.mark.parametrize("bend", [0.0, 0.25])
-def test_a_motor_that_saturates_is_no_constant_scale(bend):
-    """The log holds current times a constant; at a high current the motor gives less torque per ampere."""
+def diagnosed(row: int, scale) -> tuple[fr.Diagnosis, str]:
+    """Diagnosis and most probable answer for a healthy arm; scale(q, τ) multiplies the torque of one joint's log."""
     logs = []
     for seed in (1, 2):
         motion, noise = fr.random_fourier(PLANAR2, 25.0, seed=seed, scale=0.8), fr.Noise(q=1e-6, tau=0.01)
         log = fr.simulate(PLANAR2, motion, rate=100.0, parameters=DRY, noise=noise, seed=seed, name=f"log {seed}")
         tau = np.array(log.tau)
-        tau[:, 1] *= 1.0 + bend * (tau[:, 1] / np.abs(tau[:, 1]).max()) ** 2 if bend else 1.1
+        tau[:, row] *= scale(log.q[:, row], tau[:, row])
         logs.append(replace(log, tau=tau))
     found = fr.diagnose(fr.identify(PLANAR2, logs, recursion="none").model, logs)
-    best = max(found.probabilities, key=lambda name: found.probabilities[name])
+    return found, max(found.probabilities, key=lambda name: found.probabilities[name])
+
+
+@pytest.mark.parametrize("bend", [0.0, 0.25])
+def test_a_motor_that_saturates_is_no_constant_scale(bend):
+    """The log holds current times a constant; at a high current the motor gives less torque per ampere."""
+    found, best = diagnosed(1, lambda _, tau: 1.0 + bend * (tau / np.abs(tau).max()) ** 2 if bend else 1.1)
     if bend:
         assert (found.verdict, best) == ("unknown", "outside")
         assert any("as of a motor that saturates, explains" in note for note in found.notes)
@@ -124,17 +129,9 @@ def test_a_motor_that_saturates_is_no_constant_scale(bend):
         assert (found.verdict, best) == ("effect", "drive_gain")
 
 
-@pytest.mark.parametrize("orders", [1, 2])
-def test_a_gear_out_of_centre_is_no_spring(orders):
+@pytest.mark.parametrize("waves", [1, 2])
+def test_a_gear_out_of_centre_is_no_spring(waves):
     """The torque's scale changes by 10 % with the angle; where the load is that of gravity, a spring resembles this."""
-    logs = []
-    for seed in (1, 2):
-        motion, noise = fr.random_fourier(PLANAR2, 25.0, seed=seed, scale=0.8), fr.Noise(q=1e-6, tau=0.01)
-        log = fr.simulate(PLANAR2, motion, rate=100.0, parameters=DRY, noise=noise, seed=seed, name=f"log {seed}")
-        tau = np.array(log.tau)
-        tau[:, 0] *= 1.0 + 0.1 * np.sin(orders * log.q[:, 0] + 0.7)
-        logs.append(replace(log, tau=tau))
-    found = fr.diagnose(fr.identify(PLANAR2, logs, recursion="none").model, logs)
-    best = max(found.probabilities, key=lambda name: found.probabilities[name])
+    found, best = diagnosed(0, lambda q, _: 1.0 + 0.1 * np.sin(waves * q + 0.7))
     assert (found.verdict, best) == ("unknown", "outside")
     assert any("changes with q1, as of a gear or a pulley out of centre, explains" in note for note in found.notes)
