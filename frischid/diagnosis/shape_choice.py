@@ -40,13 +40,18 @@ def searched(
     Raises
     ------
     InputError
-        The model's own columns already span every effect, or it was fitted to no torque on which an effect can act.
+        An effect has no joint of this robot to act on, the model's own columns already span every effect, or the model
+        was fitted to no torque on which an effect can act.
     """
     chosen: list[Effect] = []
     for effect, stated in zip(effects, states_shape(text), strict=True):
         if stated:
             chosen.append(effect)
             continue
+        if not effect.columns(model.robot):
+            raise InputError(
+                f"{text}: on this robot, {effect.id} acts on no joint; name its joints (frischid effects {effect.id})"
+            )
         alternatives = _alternatives(effect, model)
         taken: Situation = "changed" if situation == "changed" else "always"
         alone = taken == "always" or not effect.after_change

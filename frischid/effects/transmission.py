@@ -146,6 +146,9 @@ class JointCoupling(Effect):
     with turning, sliding with sliding ones). A turning and a sliding joint are a pair only where they are named, since
     their ratio is that of a screw.
 
+    Two motors may turn with the same two joints, as in a differential: one with their sum, one with their difference.
+    Where the ratio is negative, the parameters' names have an ``m`` (minus) before the second joint's number.
+
     Attributes
     ----------
     ratio : float
@@ -177,6 +180,7 @@ class JointCoupling(Effect):
     )
     reference = "Janot, Vandanjon and Gautier 2014, IEEE Trans. Control Systems Technology 22(1)"
 
+    several = True
     dry = True
     smooths_sign = True
     shapes: ClassVar = {"ratio": (-8.0, -4.0, -2.0, -1.0, -0.5, -0.25, -0.125, 0.125, 0.25, 0.5, 1.0, 2.0, 4.0, 8.0)}
@@ -212,6 +216,10 @@ class JointCoupling(Effect):
         names = list(self.joints)  # in the user's order, which the ratio refers to
         return [(names[0], names[1])]
 
+    def number(self, robot: Robot, first: str, second: str) -> str:
+        """What follows the symbols in the names of a pair's parameters: 1_2, or 1_m2 where the ratio is negative."""
+        return f"{robot.numbers[first]}_{'m' if self.ratio < 0 else ''}{robot.numbers[second]}"
+
     def terms(self, state: State) -> list[Term]:
         """Three columns per pair: the motor's speed, the smoothed sign of that speed, and the motor's acceleration."""
         return [term for pair in self.pairs(state.robot) for term in self._of_pair(state, *pair)]
@@ -225,7 +233,7 @@ class JointCoupling(Effect):
             ("fcm", ""): np.tanh(speed / self.width),
             ("Iam", "acceleration"): acceleration,
         }
-        number = f"{robot.numbers[first]}_{robot.numbers[second]}"
+        number = self.number(robot, first, second)
         return [
             Term(self.column(symbol, torque_unit(robot, i, per), second, number, sign=1), {i: f, j: self.ratio * f})
             for (symbol, per), f in columns.items()

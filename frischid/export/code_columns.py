@@ -222,7 +222,7 @@ class _Writer:
             speed, acceleration = (f"({x}[{i}] + {ratio} * {x}[{j}])" for x in "va")
             texts = {"fvm": speed, "fcm": f"tanh({speed} / {width})", "Iam": acceleration}
             for symbol, text in texts.items():
-                name = f"{symbol}{self.robot.numbers[first]}_{self.robot.numbers[second]}"
+                name = f"{symbol}{effect.number(self.robot, first, second)}"
                 found.append(self._column(effect, name, {i: text, j: f"{ratio} * {text}"}))
         return found
 

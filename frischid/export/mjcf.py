@@ -135,9 +135,10 @@ def tendons(share: Share) -> list[str]:
         ]
     for tendon in share.tendons:
         written = {key: number(x) for key, x in tendon.values.items()} | DRY
+        motion = f"{tendon.first} {'minus' if tendon.ratio < 0 else 'and'} {tendon.second}"
         values = " ".join(f'{key}="{x}"' for key, x in written.items())
         rows += [
-            f"    <fixed name={attribute(f'motor of {tendon.first} and {tendon.second}')} {values}>",
+            f"    <fixed name={attribute(f'motor of {motion}')} {values}>",
             f'      <joint joint={attribute(tendon.first)} coef="1.0"/>',
             f'      <joint joint={attribute(tendon.second)} coef="{number(tendon.ratio)}"/>',
             "    </fixed>",

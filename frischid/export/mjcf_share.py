@@ -31,6 +31,7 @@ JOINT_ATTRIBUTES = {
     "frictionloss": ("coulomb", "fc"),
 }
 """Attribute of a joint -> effect and symbol of its value."""
+_SYMBOLS = {"damping": "fvm", "frictionloss": "fcm", "armature": "Iam"}  # a tendon's attribute -> coefficient
 
 
 @dataclass(frozen=True)
@@ -40,6 +41,7 @@ class Tendon:
     first: str
     second: str
     ratio: float
+    number: str
     values: dict[str, float]
 
 
@@ -96,9 +98,7 @@ def share_of(model: Model) -> Share:
         else:
             held |= _of_joints(model, effect, joints)
     for tendon in tendons:
-        number = f"{model.robot.numbers[tendon.first]}_{model.robot.numbers[tendon.second]}"
-        symbols = {"damping": "fvm", "frictionloss": "fcm", "armature": "Iam"}
-        held |= {f"{symbols[key]}{number}" for key in tendon.values}
+        held |= {f"{_SYMBOLS[key]}{tendon.number}" for key in tendon.values}
     gears, behind = trains_of(model), {}
     for joint, train in gears.items():
         own = joints[joint]
@@ -156,12 +156,10 @@ def _of_joints(model: Model, effect: Effect, joints: dict[str, dict[str, float]]
 def _tendons(model: Model, effect: JointCoupling) -> list[Tendon]:
     robot, found = model.robot, []
     for first, second in effect.pairs(robot):
-        number = f"{robot.numbers[first]}_{robot.numbers[second]}"
-        symbols = {"damping": "fvm", "frictionloss": "fcm", "armature": "Iam"}
-        values = {key: model.parameter(f"{symbol}{number}") for key, symbol in symbols.items()}
-        found.append(
-            Tendon(first, second, effect.ratio, {key: max(x, 0.0) for key, x in values.items() if x >= -FIT_ROUNDING})
-        )
+        number = effect.number(robot, first, second)
+        values = {key: model.parameter(f"{symbol}{number}") for key, symbol in _SYMBOLS.items()}
+        possible = {key: max(x, 0.0) for key, x in values.items() if x >= -FIT_ROUNDING}
+        found.append(Tendon(first, second, effect.ratio, number, possible))
     return found
 
 

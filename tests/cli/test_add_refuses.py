@@ -9,6 +9,7 @@ from click.testing import CliRunner
 
 import frischid as fr
 from frischid.cli import main
+from frischid.diagnosis.shape_choice import searched
 from frischid.model.log_requirements import check_effects_act
 
 
@@ -40,6 +41,16 @@ def test_an_effect_on_a_joint_without_torque_is_an_error(folder):
     assert "fitted: joint1" in said
     assert not (folder / "x.json").exists()
     assert added(folder, "joint_spring@joint1")[0] == 0
+
+
+def test_an_effect_without_a_joint_to_act_on_says_so():
+    """It said that the model's own columns span a coupling, on a robot whose joints are no pair."""
+    robot = fr.Robot.load("planar2", joints=["joint1"])
+    log = fr.simulate(robot, fr.random_fourier(robot, 10.0, seed=1), rate=50.0, noise=fr.Noise(tau=0.01))
+    model = fr.identify(robot, [log], recursion="none").model
+    text = "joint_coupling"
+    with pytest.raises(fr.InputError, match="on this robot, joint_coupling acts on no joint"):
+        searched(model, fr.parse_effects(text), text, [log], "auto")
 
 
 def test_all_effects_that_were_added_are_named(folder):

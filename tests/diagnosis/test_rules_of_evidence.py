@@ -330,15 +330,14 @@ def test_a_shift_that_explains_as_much_as_the_opposite_one_is_no_delay():
     assert any("identify with a lower cut-off than 10 Hz" in note for note in seen.notes)
 
 
-def test_two_couplings_of_the_same_joints_exclude_each_other():
+def test_effects_with_the_same_parameters_exclude_each_other():
     def of(text):
         effect, *beside = parse_effects(text)
         candidate = Candidate(effect, {}, (), beside=tuple(beside))
         return SimpleNamespace(effect=effect, candidate=candidate)
 
     total, difference = of("joint_coupling(ratio=1)@joint1+joint2"), of("joint_coupling(ratio=-1)@joint1+joint2")
-    assert excluded(total, difference)
-    assert not excluded(total, of("joint_coupling(ratio=1)@joint2+joint3"))
+    assert not excluded(total, difference), "the two motors of a differential"
     assert excluded(of("cogging(order=6)@joint1"), of("cogging(order=12)@joint1"))  # A1 and B1 of both
     assert not excluded(of("joint_spring@joint1"), of("hysteresis@joint1"))
     spring, offset = of("joint_spring@joint1, offset_change@joint1"), of("offset_change@joint1")
@@ -399,8 +398,27 @@ def test_the_ratio_of_a_coupling_is_searched_and_that_of_a_sum_needs_none(ratio)
     assert first.probability > 0.8
     (found,) = first.members
     assert found.ratio == (1.0 if ratio == 1.0 else pytest.approx(ratio, rel=0.1))
-    assert first.parameters["fvm1_2"] == pytest.approx(0.4, rel=0.15)
-    assert first.parameters["fcm1_2"] == pytest.approx(0.5, rel=0.15)
+    number = "1_m2" if ratio < 0 else "1_2"
+    assert first.parameters[f"fvm{number}"] == pytest.approx(0.4, rel=0.15)
+    assert first.parameters[f"fcm{number}"] == pytest.approx(0.5, rel=0.15)
+
+
+def test_improve_adds_both_motors_of_a_differential():
+    """One motor turns with the sum of two joints, one with their difference; their parameters had the same names."""
+
+    def driven(log: Log) -> Log:
+        motors = np.array([[1.0, 1.0], [1.0, -1.0]])
+        speeds = np.gradient(log.q, log.t, axis=0) @ motors.T
+        return replace(log, tau=log.tau + (np.array([0.4, 0.7]) * np.tanh(speeds / 0.02)) @ motors)
+
+    logs = [driven(log_of(seed)) for seed in (3, 4)]
+    model = identify(ARM, logs[:1], recursion="none").model
+    better = improve(model, logs, effects=["joint_coupling"])[0][-1].model
+    added = {e for e in better.effects if e.id == "joint_coupling"}
+    assert {e.ratio for e in added} == {1.0, -1.0}
+    estimate = {c.name: x for c, x in zip(better.estimate.columns, better.estimate.theta, strict=True)}
+    found = {name: estimate[name] for name in ("fcm1_2", "fcm1_m2")}
+    assert found == pytest.approx({"fcm1_2": 0.4, "fcm1_m2": 0.7}, rel=0.15)
 
 
 def test_a_coupling_needs_the_torques_of_both_joints():

@@ -45,7 +45,8 @@ def test_a_spring_has_the_form_that_the_diagnosis_finds(form, values):
 
 @pytest.mark.parametrize("ratio", [1.0, -1.0])
 def test_a_coupling_has_the_ratio_that_the_diagnosis_finds_and_prints(ratio):
-    text, values = "joint_coupling@joint1+joint2", {"fvm1_2": 0.5, "fcm1_2": 0.4}
+    number = "1_2" if ratio > 0 else "1_m2"
+    text, values = "joint_coupling@joint1+joint2", {f"fvm{number}": 0.5, f"fcm{number}": 0.4}
     model, logs = case(text.replace("@", f"(ratio={ratio})@"), **values)
     first = fr.diagnose(model, logs, effects=["joint_coupling"]).findings[0]
     assert first.members[0].ratio == ratio

@@ -264,7 +264,7 @@ def test_coupled_joints_share_the_power_of_their_motor():
         rows = column(effect, state, k)
         np.testing.assert_allclose((rows * state.v).sum(axis=1), torque * speed, atol=1e-12)
         assert not rows[:, :4].any()
-    assert [c.name for c in effect.columns(state.robot)] == ["fvm5_6", "fcm5_6", "Iam5_6"]
+    assert [c.name for c in effect.columns(state.robot)] == ["fvm5_m6", "fcm5_m6", "Iam5_m6"]
 
 
 def test_a_screw_couples_a_turning_and_a_sliding_joint_where_they_are_named():

@@ -218,6 +218,7 @@ EVERY = [
     *(n for n, kind in EFFECTS.items() if n not in ("coulomb", "offset", "formula") and not kind.of_controller),
     "offset", "joint_spring(form=cubic)", "joint_spring(form=curve)@turn", "payload(full=True)@elbow",
     "rotor_inertia(coupled=True, ratio=-30)", "joint_coupling(ratio=-2)@turn+elbow",
+    "joint_coupling@turn+elbow, joint_coupling(ratio=-1)@turn+elbow",
     "self_heating(constant=0.4, exponent=1.3)",
     "hysteresis(distance=0.3)@elbow", "thermal_drift(by=temperature)", "torque_drift(by=temperature)",
     "elasticity(period=0.11)",
