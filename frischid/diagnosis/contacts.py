@@ -231,8 +231,12 @@ def _of_motion(
 
 
 def _at_reversals(energy: Array, friction: Array, speed: Array, criteria: DiagnosisCriteria) -> bool:
-    """Whether a burst lies where joints stop or start, and is no larger than the dry friction there."""
-    slow = float((energy * np.abs(speed)).sum()) < criteria.slow_speed * float(energy.sum())
+    """Whether a burst lies where joints stop or start, and is no larger than the dry friction there.
+
+    The energy is in squares of the noise, so each sample of each joint has 1 without any burst.
+    """
+    excess = energy - 1.0
+    slow = float((excess * np.abs(speed)).sum()) < criteria.slow_speed * float(excess.sum())
     largest = np.maximum(friction.sum(axis=0), criteria.burst.edge * len(energy))
     return slow and bool(np.all(energy.sum(axis=0) <= largest))
 

@@ -7,7 +7,8 @@ import pytest
 from scipy import special
 
 import frischid as fr
-from frischid.diagnosis.contacts import find_contacts
+from frischid.diagnosis.contacts import _at_reversals, find_contacts
+from frischid.diagnosis.criteria import DiagnosisCriteria
 from frischid.diagnosis.floor import Floor
 from frischid.diagnosis.robust_fit import robust_parameters
 from frischid.diagnosis.situation import cross_validator
@@ -87,6 +88,14 @@ def test_a_push_on_a_slow_joint_is_larger_than_its_friction():
     validator, _ = cross_validator(fr.identify(machine, logs, recursion="none").model, logs)
     (burst,) = find_contacts(validator, Floor.of(validator).noise)
     assert burst.start < middle < burst.stop
+
+
+@pytest.mark.parametrize(("speed", "reverses"), [(0.1, True), (0.6, False)])
+def test_the_noise_of_other_joints_does_not_hide_that_a_burst_is_at_a_reversal(speed, reverses):
+    """On a healthy Z1, two spikes where joint 6 reversed were contacts: five joints in motion had their noise beside."""
+    energy, relative = np.ones((25, 6)), np.ones((25, 6))
+    energy[:, 5], relative[:, 5] = 12.0, speed
+    assert _at_reversals(energy, np.full((25, 6), 20.0), relative, DiagnosisCriteria()) is reverses
 
 
 @pytest.mark.parametrize("share", [0.1, 0.2])
