@@ -17,6 +17,9 @@ at once: fca |sign q̇| + Δfc sign q̇ with Δfc = ±fca. So direction-dependen
 friction. Where the model has an offset, the effect is tried only so, and only where one direction alone explains nearly
 as much. Otherwise an offset changed, or friction, or both.
 
+Where friction or rotor inertia of one joint changed, a motor that turns with two joints explains the change as well,
+with a ratio near zero. So a coupling is tried only where it predicts better than such changes of each joint alone.
+
 Source: Theil and Goldberger 1961, International Economic Review 2(1): a prior says what is known of a parameter, and of
 these two nothing is known.
 """
@@ -50,6 +53,9 @@ def with_old_parameters(validator: CrossValidator, places: Sequence[Sequence[Can
     tried: list[list[Candidate]] = []
     for shapes, beside in zip(places, changes, strict=True):
         old = bool(shapes) and known_in_motion(shapes[0].effect, present, robot)
+        if shapes and _each_joint_alone(validator, shapes):
+            tried.append([])
+            continue
         wide = _beside(validator, shapes, [found[effect] for effect in beside], old=old)
         tried.append(wide if old else [*shapes, *wide])
     return tried
@@ -81,6 +87,20 @@ def _beside(
         one = [scored(validator, [_in_one_direction(validator, best.candidate, sign)]) for sign in (1.0, -1.0)]
         return wide if best.explained - max((x.explained for x in one if x is not None), default=0.0) <= least else []
     return wide
+
+
+def _each_joint_alone(validator: CrossValidator, shapes: Sequence[Candidate]) -> bool:
+    """Whether other friction and rotor inertia of each joint alone predict as well as an effect that couples joints."""
+    joints = shapes[0].effect.joints or ()
+    if len(joints) < 2:
+        return False
+    own = [kind(joints=(name,)) for name in joints for kind in (EFFECTS["friction_change"], EFFECTS["rotor_inertia"])]
+    columns = validator.candidates([with_model_width(effect, validator.model.effects) for effect in own])
+    if not all(c.columns and c.finite for c in columns):
+        return False
+    alone = validator.joined(columns)
+    best = scored(validator, [alone, *shapes])
+    return best is not None and best.candidate is alone
 
 
 def _in_one_direction(validator: CrossValidator, candidate: Candidate, sign: float) -> Candidate:

@@ -290,3 +290,15 @@ def test_friction_of_one_direction_is_no_candidate_where_nothing_changed(machine
     for situation in ("always", "changed"):
         found = diagnose_in_roles(model, [log_of(4, "", 0.5)], situation=situation, effects=["asymmetric_coulomb"])
         assert any("not tried: asymmetric_coulomb" in note for note in found.notes) == (situation == "always")
+
+
+@pytest.mark.parametrize("machine", ["clean"], indirect=True)
+@pytest.mark.parametrize("ratio", [0.0, 0.5])
+def test_a_coupling_needs_more_than_the_motion_of_its_own_joints(machine, ratio):
+    """A heavier rotor at one joint was called a motor that turns with two, with a ratio of -1/32 and 94 %."""
+    _, model = machine
+    log = log_of(4, "", 0.5)
+    a, tau = np.gradient(np.gradient(log.q, log.t, axis=0), log.t, axis=0), np.array(log.tau)
+    tau += 0.3 * (a[:, :1] * ratio + a[:, 1:]) * [ratio, 1.0]
+    found = diagnose_in_roles(model, [replace(log, tau=tau, source="later")], situation="changed")
+    assert (found.probabilities.get("joint_coupling", 0.0) > 0.5) == (ratio > 0)
