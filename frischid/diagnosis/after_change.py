@@ -9,7 +9,16 @@ such effect is tried twice,
     τ = τ_before + C β     and     τ = τ_before + C β + Δoff,     τ = τ_before + C β + Δfv q̇ + Δfc sign(q̇),
 
 and the folds left out decide between the two, less the price of the further parameters (`scored_candidate.scored`). If
-one of these changes alone explains nearly as much, it is the simpler answer, and the effect is not tried beside it.
+one of these changes alone explains nearly as much, it is the simpler answer, and the effect is not tried beside it. Nor
+is the effect tried where both changes together predict as well as with the effect: two things changed.
+
+Dry friction that changed in one direction only is in motion an offset and a dry friction that changed by the same size
+at once: fca |sign q̇| + Δfc sign q̇ with Δfc = ±fca. So direction-dependent dry friction is tried beside a change of
+friction. Where the model has an offset, the effect is tried only so, and only where one direction alone explains nearly
+as much. Otherwise an offset changed, or friction, or both.
+
+Where friction or rotor inertia of one joint changed, a motor that turns with two joints explains the change as well,
+with a ratio near zero. So a coupling is tried only where it predicts better than such changes of each joint alone.
 
 Source: Theil and Goldberger 1961, International Economic Review 2(1): a prior says what is known of a parameter, and of
 these two nothing is known.
@@ -20,9 +29,10 @@ from __future__ import annotations
 from collections.abc import Sequence
 from dataclasses import replace
 
+from frischid.core.array_store import Series
 from frischid.diagnosis.candidate_columns import Candidate
 from frischid.diagnosis.cross_validation import CrossValidator
-from frischid.diagnosis.scored_candidate import scored, with_model_width
+from frischid.diagnosis.scored_candidate import known_in_motion, scored, with_model_width
 from frischid.effects import EFFECTS, Effect
 
 
@@ -36,24 +46,71 @@ def with_old_parameters(validator: CrossValidator, places: Sequence[Sequence[Can
     places : sequence of sequence of Candidate
         The shapes of one effect in one place each.
     """
+    robot, present = validator.model.robot, {c.name for c in validator.data.cache.regressor.columns}
     changes = [_changes(validator, shapes[0].effect) if shapes else () for shapes in places]
     every = list(dict.fromkeys(effect for beside in changes for effect in beside))
     found = dict(zip(every, validator.candidates(every), strict=True))
-    pairs = [(shapes, [found[effect] for effect in beside]) for shapes, beside in zip(places, changes, strict=True)]
-    wide = [_beside(validator, shapes, more) for shapes, more in pairs]
-    return [[*shapes, *more] for shapes, more in zip(places, wide, strict=True)]
+    tried: list[list[Candidate]] = []
+    for shapes, beside in zip(places, changes, strict=True):
+        old = bool(shapes) and known_in_motion(shapes[0].effect, present, robot)
+        if shapes and _each_joint_alone(validator, shapes):
+            tried.append([])
+            continue
+        wide = _beside(validator, shapes, [found[effect] for effect in beside], old=old)
+        tried.append(wide if old else [*shapes, *wide])
+    return tried
 
 
-def _beside(validator: CrossValidator, shapes: Sequence[Candidate], more: Sequence[Candidate]) -> list[Candidate]:
-    """Shapes beside some changes; none where one of the changes alone explains nearly as much."""
+def _beside(
+    validator: CrossValidator, shapes: Sequence[Candidate], more: Sequence[Candidate], *, old: bool
+) -> list[Candidate]:
+    """Shapes beside some changes; none where one of the changes alone explains nearly as much.
+
+    `old`: the effect alone is a change of an old parameter too, wherever the joint moves.
+    """
     if not more or not all(x.columns for x in more):
         return []
     beside = tuple(x.effect for x in more)
     wide = [replace(validator.joined([c, *more]), beside=beside) for c in shapes]
-    best, alone = scored(validator, wide), [scored(validator, [x]) for x in more]
+    simpler = [[x] for x in more] + [list(shapes)] * old
+    best, alone = scored(validator, wide), [scored(validator, x) for x in simpler]
     known = max((x.explained for x in alone if x is not None), default=0.0)
-    adds = best is not None and best.explained - known > validator.criteria.rival_addition * best.explained
-    return wide if adds else []
+    pair = validator.joined(more)
+    if len(more) > 1 and best is not None:
+        simplest = scored(validator, [pair, best.candidate])
+        if simplest is None or simplest.candidate is pair:
+            return []
+    least = 0.0 if best is None else validator.criteria.rival_addition * best.explained
+    if best is None or best.explained - known <= least:
+        return []
+    if old:
+        one = [scored(validator, [_in_one_direction(validator, best.candidate, sign)]) for sign in (1.0, -1.0)]
+        return wide if best.explained - max((x.explained for x in one if x is not None), default=0.0) <= least else []
+    return wide
+
+
+def _each_joint_alone(validator: CrossValidator, shapes: Sequence[Candidate]) -> bool:
+    """Whether other friction and rotor inertia of each joint alone predict as well as an effect that couples joints."""
+    joints = shapes[0].effect.joints or ()
+    if len(joints) < 2:
+        return False
+    own = [kind(joints=(name,)) for name in joints for kind in (EFFECTS["friction_change"], EFFECTS["rotor_inertia"])]
+    columns = validator.candidates([with_model_width(effect, validator.model.effects) for effect in own])
+    if not all(c.columns and c.finite for c in columns):
+        return False
+    alone = validator.joined(columns)
+    best = scored(validator, [alone, *shapes])
+    return best is not None and best.candidate is alone
+
+
+def _in_one_direction(validator: CrossValidator, candidate: Candidate, sign: float) -> Candidate:
+    """Dry friction that changed in one direction only, from its two columns: the first and the last of a candidate."""
+    columns = {row: Series(validator.data.cache.store) for row in candidate.columns}
+    for row, series in columns.items():
+        for number in range(len(candidate.columns[row])):
+            C = candidate.columns[row][number]
+            series.append(C[:, :1] + sign * C[:, -1:])
+    return Candidate(candidate.effect, columns, (0,))
 
 
 def _changes(validator: CrossValidator, effect: Effect) -> tuple[Effect, ...]:

@@ -102,7 +102,7 @@ def ranking(
     `changed`: the robot changed, and the parameters of the model are those from before.
     """
     places = [alternatives for kind in kinds for alternatives in kind.candidates(validator.model.robot)]
-    usable = usable_candidates(validator, places, progress)
+    usable = usable_candidates(validator, places, progress, changed=changed)
     usable = with_old_parameters(validator, usable) if changed else usable
     validator.fits([c for shapes in usable for c in shapes])
     alone = (scored(validator, shapes) for shapes in usable if shapes)

@@ -142,7 +142,7 @@ def _together(twin: CrossValidator, places: Sequence[Candidate]) -> ScoredCandid
 def _shaped(twin: CrossValidator, places: Sequence[Effect]) -> list[Candidate]:
     """Each effect in the shape that predicts one record of the twin best."""
     alternatives = [[place, *type(place).variants(place.joints)] for place in places]
-    found = (scored(twin, shapes) for shapes in usable_candidates(twin, alternatives) if shapes)
+    found = (scored(twin, shapes) for shapes in usable_candidates(twin, alternatives, changed=True) if shapes)
     return [x.candidate for x in found if x is not None]
 
 

@@ -81,7 +81,9 @@ def untried(model: Model, effects: Sequence[str], situation: Situation, channels
             never.append(name)
         elif not any(set(channels).issuperset(effect.channels(model.robot)) for effect in candidates):
             blind.append(name)
-        elif all(known_in_motion(effect, present, model.robot) for effect in candidates):
+        elif all(known_in_motion(effect, present, model.robot) for effect in candidates) and not (
+            situation == "changed" and EFFECTS[name].after_change
+        ):
             known.append(name)
     same = listed(list(dict.fromkeys(EFFECTS[name].same_in_motion for name in known)))
     reasons = (

@@ -141,14 +141,19 @@ def passes(validator: CrossValidator, found: ScoredCandidate, tried: int) -> boo
 
 
 def usable_candidates(
-    validator: CrossValidator, places: Sequence[Sequence[Effect]], progress: Callable[[str], None] = lambda _: None
+    validator: CrossValidator,
+    places: Sequence[Sequence[Effect]],
+    progress: Callable[[str], None] = lambda _: None,
+    *,
+    changed: bool = False,
 ) -> list[list[Candidate]]:
     """Candidates, shape by shape, that are not yet in the model and whose columns are finite and act on some row.
 
     A shape that these motions cannot show is left out. So is a coupling of joints where the torque of one is not known:
     half of a coupling is a torque that follows another joint's motion, whatever its cause. Errors of a recorded torque
     are no candidates where the torque was computed from commands. Nor is an effect that differs from one of the model
-    only at standstill: whatever it explains there, dry friction may cause.
+    only at standstill: whatever it explains there, dry friction may cause. Where the robot changed, the coefficient of
+    the model is that from before, and such an effect may come beside changes of old parameters (`after_change`).
 
     All places are handled at once, because each call goes through all motions.
 
@@ -157,6 +162,8 @@ def usable_candidates(
     places : sequence of sequence of Effect
         Shapes of one effect in one place each.
     progress : callable, optional
+    changed : bool
+        Whether the robot changed, and the parameters of the model are those from before.
     """
     robot, measured = validator.model.robot, validator.data.cache.channels
     commanded = validator.model.controller is not None
@@ -165,7 +172,7 @@ def usable_candidates(
     def fresh(effect: Effect) -> bool:
         if (effect.of_recording and commanded) or not effect.shows_within(validator.data.cache.reach):
             return False
-        if known_in_motion(effect, present, robot):
+        if known_in_motion(effect, present, robot) and not (changed and effect.after_change):
             return False
         if len(effect.joints or ()) > 1 and not fitted.issuperset(effect.joints or ()):
             return False

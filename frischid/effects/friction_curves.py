@@ -175,7 +175,7 @@ class AsymmetricCoulomb(Effect):
     reference = "Armstrong-Hélouvry 1991, Control of Machines with Friction, Kluwer"
 
     friction = True
-    after_change = ("friction_change", "offset_change")
+    after_change = ("friction_change",)  # the offset's change is the same in motion
     same_in_motion = "offset"
     code: ClassVar = {"fca": "tanh(abs({v}) / {width})"}
     dry = True

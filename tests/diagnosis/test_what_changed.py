@@ -227,6 +227,7 @@ NEW = {
     "joint_spring": lambda t, q, v: 1.5 * (q - 1.2),
     "hysteresis": lambda t, q, v: presliding(t, v, 0.03),
     "asymmetric_viscous": lambda t, q, v: np.where(v > 0, 0.4 + 0.5 * v, 0.0),
+    "asymmetric_coulomb": lambda t, q, v: np.where(v > 0, 0.6, 0.0),
     "torque_drift": lambda t, q, v: 1.2 * np.exp(-t / 15),
 }
 """Torques that came after the model was identified, in whole: none is measured from an old parameter of the model."""
@@ -269,3 +270,35 @@ def test_changed_friction_alone_has_no_rivals_that_contain_it(machine):
     found = diagnose_in_roles(model, [replace(log, tau=tau, source="later")])
     assert [e.id for e in found.findings[0].members] == ["friction_change"]
     assert found.findings[0].probability > 0.8
+
+
+@pytest.mark.parametrize("machine", ["clean"], indirect=True)
+def test_an_offset_and_a_friction_that_both_changed_are_not_friction_of_one_direction(machine):
+    """The columns are the same in motion. Only where one direction kept its friction are the two changes one cause."""
+    _, model = machine
+    log = log_of(4, "", 0.5)
+    tau = np.array(log.tau)
+    tau[:, 1] += 0.6 + 0.2 * np.sign(np.gradient(log.q[:, 1], log.t))
+    found = diagnose_in_roles(model, [replace(log, tau=tau, source="later")])
+    assert found.findings[0].effect == "offset_change"
+    assert sum(found.probabilities.get(name, 0.0) for name in ("asymmetric_coulomb", "asymmetric_viscous")) < 0.1
+
+
+def test_friction_of_one_direction_is_no_candidate_where_nothing_changed(machine):
+    """Beside the model's offset it differs at standstill only; after a change the offset is known from before."""
+    _, model = machine
+    for situation in ("always", "changed"):
+        found = diagnose_in_roles(model, [log_of(4, "", 0.5)], situation=situation, effects=["asymmetric_coulomb"])
+        assert any("not tried: asymmetric_coulomb" in note for note in found.notes) == (situation == "always")
+
+
+@pytest.mark.parametrize("machine", ["clean"], indirect=True)
+@pytest.mark.parametrize("ratio", [0.0, 0.5])
+def test_a_coupling_needs_more_than_the_motion_of_its_own_joints(machine, ratio):
+    """A heavier rotor at one joint was called a motor that turns with two, with a ratio of -1/32 and 94 %."""
+    _, model = machine
+    log = log_of(4, "", 0.5)
+    a, tau = np.gradient(np.gradient(log.q, log.t, axis=0), log.t, axis=0), np.array(log.tau)
+    tau += 0.3 * (a[:, :1] * ratio + a[:, 1:]) * [ratio, 1.0]
+    found = diagnose_in_roles(model, [replace(log, tau=tau, source="later")], situation="changed")
+    assert (found.probabilities.get("joint_coupling", 0.0) > 0.5) == (ratio > 0)
