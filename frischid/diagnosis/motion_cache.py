@@ -249,7 +249,8 @@ def _one_joint_a_fold(motions: Sequence[CachedMotion]) -> bool:
         counts[motion.fold or 0] += motion.counts
     share = counts / np.maximum(counts.sum(axis=0), 1.0)
     usual = share.mean(axis=1, keepdims=True)  # of a long log beside a short one the share of all joints is large
-    return bool(((share > MOST_OF_A_JOINT) & (share > UNLIKE_THE_OTHERS * usual)).any())
+    unlike = (share > UNLIKE_THE_OTHERS * usual) | (1 - share < MOST_OF_A_JOINT * (1 - usual))
+    return bool(((share > MOST_OF_A_JOINT) & unlike).any())
 
 
 def _same(task: ColumnTask) -> ColumnTask:

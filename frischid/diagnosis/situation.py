@@ -164,7 +164,7 @@ def of_the_training_logs(
         if here.columns and here.finite and there.columns:
             wide, narrow = wide.extended(here), narrow.extended(there)
     before, after = _errors_as_it_is(new), _errors_under(wide, narrow.theta)
-    trained = dict(zip(narrow.joints, (narrow.base_nrmse() * narrow.spread).tolist(), strict=True))
+    trained = dict(zip(narrow.joints, (narrow.predictive_nrmse() * narrow.spread).tolist(), strict=True))
     known = [[errors.get(name, 0.0) for name in new.joints] for errors in (trained, expected)]
     usual = np.minimum(np.max([*np.nan_to_num(known), Floor.of(new).noise], axis=0) / new.spread, before)
     wrong, left = before**2 - usual**2, after**2 - usual**2

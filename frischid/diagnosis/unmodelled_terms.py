@@ -75,13 +75,19 @@ def unmodelled_term(ranking: Ranking, floor: Array, least: Array) -> UnmodelledT
         if found is not None:
             return found
     if worst != first and after[worst] - healthy[worst] > before[first] - after[first]:
-        return _term_on(full, worst, noise[worst] + left[worst], True, worn=False)
+        return _term_on(full, worst, noise[worst] + left[worst], True)
     return None
 
 
-def saturation_expression(number: object) -> str:
-    """Torque of a joint whose scale changes with the torque: at a high current a motor gives less torque per ampere."""
-    return f"tau_model{number}*abs(tau_model{number})"
+def saturation_expression(validator: CrossValidator, row: int) -> str:
+    """Torque of a joint whose scale changes with the torque: at a high current a motor gives less torque per ampere.
+
+    The square of an excavator's torque is too large for a column. So the torque is divided by the power of ten below
+    its standard deviation.
+    """
+    number = validator.model.robot.numbers[validator.joints[row]]
+    unit = 10.0 ** np.floor(np.log10(validator.spread[row]))
+    return f"tau_model{number}*abs(tau_model{number}/{unit:g})"
 
 
 def _term_on(
@@ -93,7 +99,7 @@ def _term_on(
         return None
     number, expression = validator.model.robot.numbers[validator.joints[row]], expression_of(term)
     words = f"'{expression}'"
-    if expression == saturation_expression(number):
+    if expression == saturation_expression(validator, row):
         words = "a scale of the torque that changes with the torque, as of a motor that saturates,"
     if f"tau_model{number}*" in expression and len(term.candidate.signs) > 1:
         words = f"a scale of the torque that changes with q{number}, as of a gear or a pulley out of centre,"
@@ -127,7 +133,7 @@ def best_unmodelled(
         a few bursts of error the residual has hardly any independent samples, and no term is significant.
     """
     criteria, joint = validator.criteria, validator.joints[row]
-    of_torque = saturation_expression(validator.model.robot.numbers[joint])
+    of_torque = saturation_expression(validator, row)
     terms = [Formula((joint,), e) for e in (*coupling_expressions(validator, joint), of_torque)]
     found = [x for c in validator.candidates(terms) if c.columns and (x := scored(validator, [c])) is not None]
     of_angle = [gear_steps, uneven_scale, *([worn_friction] if worn else [])] if jumping else []

@@ -226,7 +226,7 @@ def assign(names: Mapping[str, str], joints: Sequence[str], known: Mapping[int, 
         if found is not None:
             return found
     columns = list(names)
-    likeness = np.array([[_alike(names[name], joint) for joint in joints] for name in columns])
+    likeness = np.array([[alike(names[name], joint) for joint in joints] for name in columns])
     likeness = likeness.reshape(len(columns), -1)
     rows, taken = linear_sum_assignment(-likeness)
     pairs = [(joints[j], columns[i], likeness[i, j]) for i, j in zip(rows, taken, strict=True)]
@@ -302,7 +302,7 @@ def _words(text: str) -> tuple[str, ...]:
     return tuple(w for w in words if w not in FILLER_WORDS)
 
 
-def _alike(rest: str, joint: str) -> float:
+def alike(rest: str, joint: str) -> float:
     """Likeness of two names; their numbers must agree, and words such as "joint" do not count."""
     one, two = _words(rest), _words(joint)
     digits = [re.findall(r"\d+", "_".join(x)) for x in (one, two)]

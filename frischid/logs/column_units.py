@@ -174,8 +174,8 @@ def _outside_limits(table: Table, robot: Robot, found: Proposal) -> tuple[bool, 
     return far, far and inside == turning
 
 
-UNITS_OF_TORQUE = {"mnm": 1e-3, "nmm": 1e-3, "ncm": 1e-2, "n·cm": 1e-2, "n·mm": 1e-3, "knm": 1e3}
-"""N·m per unit that the name of a torque column says."""
+UNITS_OF_TORQUE = {"mnm": 1e-3, "nmm": 1e-3, "ncm": 1e-2, "n·cm": 1e-2, "n·mm": 1e-3, "knm": 1e3, "kn": 1e3}
+"""N·m (N) per unit that the name of a torque column says."""
 
 
 def propose_effort_units(found: Proposal) -> None:

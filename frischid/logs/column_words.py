@@ -85,7 +85,7 @@ CHANNEL_OF_UNIT = {
     **dict.fromkeys(("rad", "deg", "°", "mm", "m"), "q"),
     **dict.fromkeys(("rad/s", "deg/s", "°/s", "mm/s", "m/s", "rpm"), "v"),
     **dict.fromkeys(("rad/s^2", "rad/s²", "deg/s^2", "deg/s²", "m/s^2", "m/s²"), "a"),
-    **dict.fromkeys(("nm", "n·m", "n*m", "n m", "mnm", "nmm", "ncm", "n·cm", "n·mm", "knm", "n"), "tau"),
+    **dict.fromkeys(("nm", "n·m", "n*m", "n m", "mnm", "nmm", "ncm", "n·cm", "n·mm", "knm", "n", "kn"), "tau"),
     **dict.fromkeys(("a", "ma"), "current"),
 }
 """Channel of a quantity by its unit, in small letters."""
@@ -98,10 +98,12 @@ def unit_of(name: str) -> tuple[str, str]:
 
     >>> unit_of("Achse 1 Moment [Nm]"), unit_of("axis1_current_mA"), unit_of("q[3]")
     (('nm', 'Achse 1 Moment'), ('ma', 'axis1_current'), ('', 'q[3]'))
-    >>> unit_of("X_vel_m_s")
-    ('m/s', 'X_vel')
+    >>> unit_of("X_vel_m_s"), unit_of("boom_torque_kNm")
+    (('m/s', 'X_vel'), ('knm', 'boom_torque'))
     """
     if bracket := re.search(r"[\[(<]([^\])>]*[^\])>\d\s][^\])>]*)[\])>]", name):
         return bracket[1].strip().lower(), (name[: bracket.start()] + name[bracket.end() :]).strip(" _")
-    end = re.fullmatch(r"(.+?)[_ ](mA|mNm|Nmm|Ncm|Nm|(?:mm|m|deg|rad)[_/]s|mm|deg|rad|rpm|pct|percent|ms|us|ns)", name)
+    end = re.fullmatch(
+        r"(.+?)[_ ](mA|kNm|kN|mNm|Nmm|Ncm|Nm|(?:mm|m|deg|rad)[_/]s|mm|deg|rad|rpm|pct|percent|ms|us|ns)", name
+    )
     return (end[2].lower().replace("_", "/"), end[1]) if end else ("", name)

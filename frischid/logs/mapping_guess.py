@@ -38,6 +38,7 @@ from frischid.logs.column_units import (
 )
 from frischid.logs.column_words import SETPOINT_WORDS
 from frischid.logs.gain_guess import guess_gains
+from frischid.logs.left_columns import pair_left, with_paired
 from frischid.logs.log import CHANNELS, FEWEST_SAMPLES
 from frischid.logs.mapping_table import USUAL_RATE, rate_of, stamps_of, table_of, time_column
 from frischid.logs.proposal import Proposal
@@ -131,6 +132,7 @@ def _by_names(
 ) -> None:
     """Assign the columns of each channel; numbers mean the same joints in all channels."""
     numbers: Mapping[int, str] = {}
+    paired_rests: dict[str, str] = {}
     for channel, names in by_channel.items():
         options = [assign(family, robot.joints, numbers) for family in families(names)]
         options = [x for x in options if x.columns]
@@ -143,6 +145,9 @@ def _by_names(
         if chosen.how == "order" and channel == "q":
             chosen = _in_order(chosen, by_channel, table, robot, t, found)
         numbers = numbers or chosen.numbers
+        if channel == "q":
+            paired_rests = pair_left(names, chosen.columns, robot, found)
+        chosen = replace(chosen, columns=with_paired(names, chosen.columns, paired_rests))
         lost = [
             f"{name} ({joint})"
             for joint, name in chosen.columns.items()

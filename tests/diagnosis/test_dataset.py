@@ -13,8 +13,10 @@ from frischid.diagnosis.addition import add
 from frischid.diagnosis.block_test import block_gains
 from frischid.diagnosis.candidate_fits import candidate_fits
 from frischid.diagnosis.change_prior import weak_urdf_prior
+from frischid.diagnosis.criteria import DIAGNOSIS_CRITERIA
 from frischid.diagnosis.cross_validation import CrossValidator
 from frischid.diagnosis.diagnosis import diagnose
+from frischid.diagnosis.motion_cache import MotionCache
 from frischid.diagnosis.residual_variables import thinned, variables
 from frischid.effects import BASELINE, EFFECTS, parse_effects
 from frischid.logs.recording import Recording
@@ -211,3 +213,20 @@ def test_errors_are_shares_of_the_measured_torque():
     found = identify(Robot.load("planar2", known=known), [log_of(1)], recursion="none").model
     validator = CrossValidator.of(found, [log_of(1)], weak_urdf_prior(found))
     assert validator.spread == pytest.approx([joint.std for joint in compare(found, [log_of(1)]).joints])
+
+
+def test_logs_in_which_an_arm_rests_are_cut_like_a_single_log():
+    """Of a torso with two arms only one moved in a log. No log left out could predict the other arm: 8 of 14 joints."""
+    robot = Robot.load("ur5")
+    both, one = (
+        simulate(robot, random_fourier(robot, seconds, seed=seed), rate=50.0, seed=seed)
+        for seed, seconds in ((1, 20.0), (2, 15.0))
+    )
+    q = np.array(one.q)
+    q[:, :4] = q[0, :4]
+    rests = type(one)(one.t, one.joints, q, tau=one.tau, source="one arm")
+    fitted = identify(robot, [both, rests], recursion="none").model
+    assert MotionCache(fitted, [both, rests], DIAGNOSIS_CRITERIA).folds == DIAGNOSIS_CRITERIA.folds_of_one_log
+    assert MotionCache(fitted, [both, one], DIAGNOSIS_CRITERIA).folds == 2
+    short = one.slice(0, len(one) // 5)
+    assert MotionCache(fitted, [both, short], DIAGNOSIS_CRITERIA).folds == 2, "a short log leaves all joints alike"

@@ -1,5 +1,6 @@
 """Short new logs: what the identification knows of the robot is not thrown away."""
 
+from dataclasses import replace
 from functools import cache
 
 import numpy as np
@@ -7,7 +8,7 @@ import pytest
 
 import frischid as fr
 from frischid.diagnosis.change_prior import weak_urdf_prior
-from frischid.diagnosis.situation import cross_validator, priors_of
+from frischid.diagnosis.situation import cross_validator, of_the_training_logs, priors_of
 
 UR5 = fr.Robot.load("ur5")
 DRY = {f"{name}{i}": 0.5 for name in ("fv", "fc") for i in range(1, 7)}
@@ -39,6 +40,23 @@ def test_a_small_effect_in_a_short_log_is_the_most_probable_cause():
     """With the URDF as prior, a coupling of five joints was: the short log determines the parameters badly."""
     found = fr.diagnose(model(), [log_of(3, 8, "cogging(order=9)@elbow_joint", A3=1.0)])
     assert max(found.probabilities, key=found.probabilities.__getitem__) == "cogging"
+
+
+@pytest.mark.parametrize("shifted", [0.0, 0.12])
+def test_what_half_of_the_own_logs_leave_open_hides_no_change(shifted):
+    """An encoder slipped by 2.5°, and it was said that the robot had not changed, with other friction (99 %).
+
+    One of two own logs alone leaves parameters open. The error of such a fit on the other log is no error of the model.
+    """
+    own = [log_of(seed, 10) for seed in (1, 2)]
+    fitted = fr.identify(UR5, own, recursion="none").model
+    log = log_of(3, 20)
+    tau = np.array(log.tau)
+    tau[:, 3] += shifted * tau[:, 3].std()
+    logs = (own, [replace(log, tau=tau)])
+    before, after = (cross_validator(fitted, given, "always")[0] for given in logs)
+    assert before.base_nrmse()[3] > 2 * before.predictive_nrmse()[3]
+    assert of_the_training_logs(before, after, [], {}) is not bool(shifted)
 
 
 def test_own_logs_keep_the_prior_of_the_urdf():

@@ -1,5 +1,6 @@
 """Torques outside the catalogue: beside an effect on another joint, and in place of an effect that resembles them."""
 
+import re
 from dataclasses import replace
 
 import numpy as np
@@ -95,6 +96,20 @@ def test_a_bearing_worn_at_one_angle_is_not_called_friction_that_grows_with_the_
     assert f"on joint1 {said}" in found.notes
 
 
+def test_a_bearing_worn_at_one_angle_is_found_beside_an_effect_of_another_joint():
+    """A late friction of other joints was called the cause with 86 %: worn friction was asked for on its joint only."""
+    logs = []
+    for log in logs_of(0.0):
+        tau = np.array(log.tau)
+        tau[:, 0] += 1.5 * (np.abs(log.q[:, 0] - 0.5) < 0.3) * np.sign(log.v[:, 0])
+        logs.append(replace(log, tau=tau))
+    found = fr.diagnose(fr.identify(PLANAR2, logs, recursion="none").model, logs, effects=["joint_spring", "coulomb"])
+    assert found.verdict == "unknown"
+    assert found.probabilities["outside"] > 0.9
+    said = "on joint1 dry friction that changes with q1 explains more error than joint_spring does"
+    assert any(note.startswith(said) for note in found.notes)
+
+
 @pytest.mark.parametrize(
     ("friction", "name"),
     [(lambda q, load: 0.08 * load, "load_friction"), (lambda q, load: 1.5 * q, "position_friction")],
@@ -135,3 +150,22 @@ def test_a_gear_out_of_centre_is_no_spring(waves):
     found, best = diagnosed(0, lambda q, _: 1.0 + 0.1 * np.sin(waves * q + 0.7))
     assert (found.verdict, best) == ("unknown", "outside")
     assert any("changes with q1, as of a gear or a pulley out of centre, explains" in note for note in found.notes)
+
+
+def test_the_torques_of_an_excavator_are_not_too_large_for_a_diagnosis(tmp_path):
+    """The square of 3e5 N·m is above the largest value of a formula: `diagnose` ended in an error."""
+    factor, dry = 3e3, {name: 3e3 * value for name, value in DRY.items()}
+    text = PLANAR2.urdf
+    for key in ("mass value", "ixx", "iyy", "izz"):
+        text = re.sub(rf'{key}="([^"]*)"', lambda found, key=key: f'{key}="{factor * float(found[1]):g}"', text)
+    (tmp_path / "heavy.urdf").write_text(text)
+    heavy, logs = fr.Robot.load(tmp_path / "heavy.urdf"), []
+    for seed in (1, 2):
+        motion, noise = fr.random_fourier(heavy, 25.0, seed=seed, scale=0.8), fr.Noise(q=1e-6, tau=0.01)
+        log = fr.simulate(heavy, motion, rate=100.0, parameters=dry, noise=noise, seed=seed, name=f"log {seed}")
+        tau = np.array(log.tau)
+        tau[:, 1] *= 1.0 + 0.25 * (tau[:, 1] / np.abs(tau[:, 1]).max()) ** 2
+        logs.append(replace(log, tau=tau))
+    assert max(np.abs(log.tau).max() for log in logs) > 1e5
+    found = fr.diagnose(fr.identify(heavy, logs, recursion="none").model, logs)
+    assert any("as of a motor that saturates, explains" in note for note in found.notes)

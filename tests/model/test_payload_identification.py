@@ -55,6 +55,17 @@ def test_the_body_is_weighed_with_bounds_that_hold():
     assert all(0 <= share <= 1 for share in found.from_log.values())
 
 
+def test_a_body_on_another_link_is_not_weighed_at_the_flange_in_silence():
+    """A pump of 4 kg on a link before the flange got 2.63 ± 0.09 kg, and no alarm said a word."""
+    own = dict(zip(UR.all_names, UR.nominal, strict=True))
+    values = {f"{n}4": own[f"{n}4"] + x for n, x in zip(NAMES[:4], (3.0, 0.0, 0.0, 0.2), strict=True)}
+    log = simulate(UR, random_fourier(UR, 15, seed=2), rate=100, noise=NOISE, parameters=values)
+    (alarm,) = (a for a in payload(bare(), [log]).alarms if a.id == "other-carrier")
+    assert alarm.joints[0] == "wrist_1_joint"
+    assert not payload(bare(), [log], carrier="wrist_1_joint").alarms
+    assert not weighed().alarms
+
+
 def test_the_frame_only_moves_the_numbers():
     here, there = weighed("wrist_3_link"), weighed()
     assert there.frame == "tool0"

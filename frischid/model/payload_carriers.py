@@ -1,0 +1,97 @@
+"""Whether a body on another link explains the logs better than on the link that was named.
+
+A glue pump on a forearm, weighed as if it hung on the flange, gets a wrong mass with narrow bounds. So the body is also
+fitted on each link between the base and the named one, with the same ten parameters and the same prior. With the
+squared residuals of the logs' blocks of time b in units of the model's variance,
+
+    d_b = Σ_j (SSE_bj on the named link − SSE_bj on the other link) / σ_j²,
+
+the other link is better where the mean of d_b is above zero by Student's t (p < 0.01, corrected for the number of links
+that are tried). That matters where the logs determine the mass there, and this mass is outside the bound of the mass
+here.
+
+Source: Vuong 1989, Likelihood ratio tests for model selection and non-nested hypotheses, Econometrica 57(2).
+"""
+
+from __future__ import annotations
+
+from collections.abc import Iterator, Sequence
+
+import numpy as np
+from scipy import stats
+
+from frischid.core.text import listed
+from frischid.core.types import Array
+from frischid.logs.preprocessing import Motion
+from frischid.model.alarms import Alarm
+from frischid.model.model import Model
+from frischid.model.payload_fit import BodyFit, felt_on, fit_on_link
+from frischid.robot.robot import LINK_PARAMETERS
+
+BY_CHANCE = 0.01
+"""Probability that no better link looks better. The level of the other tests of a comparison."""
+FEWEST_BLOCKS = 5
+
+
+def other_carriers(model: Model, motions: Sequence[Motion], name: str, body: BodyFit) -> tuple[Alarm, ...]:
+    """The alarm that a body is on another link than the named one; none where the named link is as good as any.
+
+    Parameters
+    ----------
+    motions : sequence of Motion
+        Of the logs with the body.
+    name : str
+        Joint of the link on which the body was fitted.
+    body : BodyFit
+        The fit there.
+    """
+    found = sorted(_better(model, motions, name, body), reverse=True)
+    if not found:
+        return ()
+    where = [f"{joint} ({mass:.3g} ± {bound:.2g} kg)" for _, joint, mass, bound in found]
+    gain = found[0][0]
+    return (
+        Alarm(
+            "other-carrier",
+            "doubt",
+            f"A body on the link of {listed(where, 'or')} explains these logs better than one on the link of {name}. "
+            "If the body is there, the mass is wrong by more than its bound.",
+            f"Look where the body is, and name the joint of its link: --carrier {found[0][1]}.",
+            tuple(joint for _, joint, _, _ in found),
+            gain,
+            BY_CHANCE,
+        ),
+    )
+
+
+def _better(
+    model: Model, motions: Sequence[Motion], name: str, body: BodyFit
+) -> Iterator[tuple[float, str, float, float]]:
+    """Mean gain, joint, mass and its bound on each link that explains the logs better, with another mass."""
+    before = _squares(model, body)
+    above = [joint for joint in _between(model, name) if LINK_PARAMETERS.index("m") in felt_on(model, joint)]
+    for joint in above if len(before) >= FEWEST_BLOCKS else ():
+        other = fit_on_link(model, motions, joint)
+        gain = before - _squares(model, other)
+        chance = stats.ttest_1samp(gain, 0.0, alternative="greater").pvalue if gain.std() > 0 else 1.0
+        (mass, bound), (here, own) = _mass(other), _mass(body)
+        if chance < BY_CHANCE / len(above) and mass > bound and abs(mass - here) > own:
+            yield float(gain.mean()), joint, mass, bound
+
+
+def _between(model: Model, name: str) -> list[str]:
+    """Joints between the base and a joint."""
+    robot = model.robot
+    path = set(robot.model.supports[robot.numbers[name]])
+    return [joint for joint in robot.joints if joint != name and robot.numbers[joint] in path]
+
+
+def _mass(body: BodyFit) -> tuple[float, float]:
+    """Mass of a body and its bound of 95 %, kg."""
+    return float(body.phi[0]), 2.0 * float(np.sqrt(body.covariance[0, 0]))
+
+
+def _squares(model: Model, body: BodyFit) -> Array:
+    """Squared residuals of each block of time in units of the model's variance, (blocks,)."""
+    theta, variance = body.fit.theta, model.estimate.sigma**2
+    return np.array([float((block.residual_ss(theta) / variance).sum()) for block in body.blocks])
