@@ -92,7 +92,7 @@ def test_a_push_on_a_slow_joint_is_larger_than_its_friction():
 
 @pytest.mark.parametrize(("speed", "reverses"), [(0.1, True), (0.6, False)])
 def test_the_noise_of_other_joints_does_not_hide_that_a_burst_is_at_a_reversal(speed, reverses):
-    """On a healthy Z1, two spikes where joint 6 reversed were contacts: five joints in motion had their noise beside."""
+    """On a healthy Z1, two spikes where joint 6 reversed were contacts: five other joints were in motion."""
     energy, relative = np.ones((25, 6)), np.ones((25, 6))
     energy[:, 5], relative[:, 5] = 12.0, speed
     assert _at_reversals(energy, np.full((25, 6), 20.0), relative, DiagnosisCriteria()) is reverses
