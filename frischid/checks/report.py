@@ -19,6 +19,7 @@ from frischid.checks.log_issue import LogReport, Notebook, span
 from frischid.checks.physics import check_physics
 from frischid.checks.sketch import Sketch
 from frischid.checks.standing import check_pushes, check_standing
+from frischid.checks.unsigned import check_unsigned
 from frischid.checks.velocity import check_velocity
 from frischid.core.types import Array
 from frischid.errors import InputError
@@ -87,6 +88,7 @@ def inspect(
     still = is_static(log)
     check_clock(log, notes, still=still)
     check_channels(log, notes, figures=not brief, still=still)
+    check_unsigned(log, notes)
     check_pushes(log, notes)
     if still:
         check_standing(log, notes)
