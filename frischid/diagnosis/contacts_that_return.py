@@ -10,11 +10,6 @@ each joint over its own spread. ē is the mean of e over all times outside the b
 of the time are predicted by a fifth wherever the neighbours lie. The prediction knows no equation, so it also sees
 effects outside the catalogue.
 
-A torque at a few degrees of a joint (a magnet, a detent, a broken tooth) is a function of q alone. Among the states of
-a log, the nearest in all four variables lie farther from each other in q than such a torque is wide, so their mean says
-nothing of that torque. The nearest in q alone do. So the share is that of the better of two predictions: from the
-nearest states, and from the nearest angles.
-
 A few pushes may meet in similar states by chance, so the share of B bursts has a standard error (that of a ratio),
 
     s² = B/(B − 1) Σ_b (g_b − share · E_b)² / (Σ_b E_b)²,      E_b = Σ (e − ē)²,   g_b = E_b − Σ (e − ê)²  in burst b.
@@ -37,7 +32,6 @@ from frischid.diagnosis.stretches import Stretch
 
 NEIGHBOURS = 10
 """States whose residuals are averaged: their mean has a third of the noise of one."""
-_PREDICTED_FROM = (slice(0, 4), slice(0, 1))  # the whole state of the joint, and its angle alone
 
 
 def returning_share(validator: CrossValidator, rest: CrossValidator, bursts: Sequence[Stretch]) -> float:
@@ -57,8 +51,7 @@ def returning_share(validator: CrossValidator, rest: CrossValidator, bursts: Seq
     float
         Below zero where the prediction is worse than none. One burst alone has no standard error.
     """
-    squares = np.zeros(len(bursts))
-    left = np.zeros((len(_PREDICTED_FROM), len(bursts)))
+    squares, left = np.zeros(len(bursts)), np.zeros(len(bursts))
     for row, spread in enumerate(validator.spread):
         states, residual, burst, around = _rows(validator, rest.theta, row, bursts)
         for number in np.unique(burst[burst >= 0]):
@@ -66,17 +59,13 @@ def returning_share(validator: CrossValidator, rest: CrossValidator, bursts: Seq
             if len(outside) < NEIGHBOURS:
                 continue
             outside = outside[:: max(1, len(outside) // MOST_ROWS)]
+            _, near = cKDTree(states[outside]).query(states[inside], NEIGHBOURS)
+            error = residual[inside] - residual[outside][near].mean(axis=1)
             squares[number] += float(np.sum((residual[inside] - residual[outside].mean()) ** 2)) / spread**2
-            for k, picked in enumerate(_PREDICTED_FROM):
-                _, near = cKDTree(states[outside][:, picked]).query(states[inside][:, picked], NEIGHBOURS)
-                error = residual[inside] - residual[outside][near].mean(axis=1)
-                left[k, number] += float(error @ error) / spread**2
-    return max(_sure_share(squares, x) for x in left) if squares.sum() > 0 else 0.0
-
-
-def _sure_share(squares: Array, left: Array) -> float:
-    """Share of the bursts' energies that a prediction explains, less its standard error."""
+            left[number] += float(error @ error) / spread**2
     whole, count = float(squares.sum()), int((squares > 0).sum())
+    if not whole > 0:
+        return 0.0
     share = 1.0 - float(left.sum()) / whole
     off = squares - left - share * squares
     return share - float(np.sqrt(off @ off * count / max(count - 1, 1))) / whole

@@ -37,18 +37,6 @@ def test_a_torque_that_depends_on_the_joint_returns_with_its_state():
     assert share_of(lambda k, t, q: 3.0 * np.exp(-20 * (q - here) ** 2)) > 0.3
 
 
-def test_a_torque_at_a_few_degrees_of_a_joint_returns_with_the_angle():
-    """A magnet of 8 degrees at a UR10e was called a contact: no state with its speed and load was as near."""
-
-    def magnet(k, t, q):
-        x = (q - here) / 0.02
-        return 3.0 * x * np.exp(-0.5 * x**2)
-
-    log = log_with(1, lambda k, t, q: 0 * t)
-    here = float(np.interp(sum(BUMP) / 2, log.t, log.q[:, 1]))
-    assert share_of(magnet) > DIAGNOSIS_CRITERIA.returning_share
-
-
 @pytest.mark.parametrize("size", [1.0, 10.0])
 def test_a_push_does_not(size):
     assert (
