@@ -1,34 +1,43 @@
 """Torques without their sign: many servos and meters report the magnitude of a current.
 
-A torque s ≥ 0 that is measured as x with the noise σ has the sign of s with the probability
+A torque that passes zero is a smooth curve, and its magnitude has a corner there. A torque of one sign that comes near
+zero is a smooth curve itself. So each *visit* to zero, the samples between two that are far from zero, is fitted twice
+by a parabola in time: as the log has the samples x_i, and with another sign from sample k on, with k one of the
+samples next to the smallest. With σ the noise of the channel, the two descriptions have the log likelihoods
 
-    P(x > 0 | |x|)  =  Φ(|x| / σ)
+    ℓ_one = −Σ (x_i − p(t_i))² / 2σ²,      ℓ_both = max_k −Σ (±x_i − p_k(t_i))² / 2σ²,
 
-where all s are alike probable. So a torque that comes near zero again and again, each time from far away, is seen on
-the other side now and then. If all values of a channel have one sign, the probability of this is the product of Φ over
-its visits to zero, of each the smallest |x|. A visit far above the noise has Φ = 1 and says nothing. A visit with a
-value of exactly zero says nothing either: a meter may be zero in the other direction. Where the product is small, zero
-reflects the torque: the channel holds |τ|.
+A torque of one sign has ℓ_one at each visit. A magnitude has either, so its likelihood is the mean of the two. The
+evidence that zero reflects the torque is the sum over all visits of
 
-A drive that reports magnitudes does so for all joints, so the visits of all channels of one sign count together.
+    log ((e^ℓ_one + e^ℓ_both) / 2) − ℓ_one.
+
+A drive that reports magnitudes does so for all joints, so the visits of all channels of one sign count together. A
+visit with a value of exactly zero says nothing: a meter may be zero in the other direction.
+
+Source: Kass and Raftery 1995, "Bayes factors", J. American Statistical Association 90(430).
 """
 
 from __future__ import annotations
 
 import itertools
+from collections.abc import Iterator
 
 import numpy as np
-from scipy import special
 
 from frischid.checks.log_issue import Notebook, span
 from frischid.core.types import Array
 from frischid.logs.filters import noise_level
 from frischid.logs.log import Log
 
+RATE = 100.0
+"""Hz. Of faster logs, evenly spread samples are compared: with few samples in a visit, a corner is no curve."""
 AWAY = 4.0
 """Multiple of the noise beyond which a torque is away from zero, so that noise does not make one visit two."""
-SURELY, PROBABLY = 1e-3, 1e-2
-"""Probability of one sign by chance below which the fault is certain, and likely."""
+BESIDE = 4
+"""Samples of each side that are away from zero and belong to the visit: they show where the curve comes from."""
+SURELY, PROBABLY = float(np.log(1000.0)), float(np.log(100.0))
+"""Logarithm of the ratio of likelihoods above which the fault is certain, and likely."""
 
 
 def check_unsigned(log: Log, notes: Notebook) -> None:
@@ -40,32 +49,56 @@ def check_unsigned(log: Log, notes: Notebook) -> None:
     x = np.nan_to_num(np.asarray(values, dtype=float))
     noise = noise_level(x)
     one_sign = ((x >= 0).all(axis=0) | (x <= 0).all(axis=0)) & log.has(channel) & (noise > 0)
-    seen = [visits(np.abs(x[:, j]) / noise[j]) if one_sign[j] else np.zeros(0) for j in range(x.shape[1])]
-    by_chance = float(np.exp(special.log_ndtr(np.concatenate(seen)).sum()))
-    if by_chance >= PROBABLY:
+    thinned = np.abs(x[:: max(1, round(log.rate / RATE))]) / np.where(noise > 0, noise, 1.0)
+    found = [[evidence(v) for v in visits(thinned[:, j])] if one_sign[j] else [] for j in range(len(noise))]
+    ratio = sum(map(sum, found))
+    if ratio <= PROBABLY:
         return
     name = {"tau": "torque"}.get(channel, channel)
-    counts = np.array([len(own) for own in seen])
+    counts = np.array([len(own) for own in found])
     notes.add(
         "unsigned torque",
-        f"the {name} comes near zero {span(counts[counts > 0].astype(float))} times and never changes its sign, "
-        f"although noise would (p = {by_chance:.1g}): it is a magnitude",
+        f"the {name} comes near zero {span(counts[counts > 0].astype(float))} times and turns back there with a corner, "
+        "as the magnitude of a torque that passes zero does: the sign is missing",
         notes.which(counts > 0),
-        "certain" if by_chance < SURELY else "likely",
+        "certain" if ratio > SURELY else "likely",
         "record the signed value: of many servos the sign is a bit of its own, or the load and not the current has it",
         blocks=True,
     )
 
 
-def visits(magnitude: Array) -> Array:
-    """The smallest value of each visit of a magnitude (N,) to zero; a visit lies between values that are away.
+def visits(magnitude: Array) -> Iterator[Array]:
+    """The values of each visit of a magnitude (N,) to zero, with the samples beside it.
 
     Examples
     --------
     >>> import numpy as np
-    >>> visits(np.array([9.0, 5.0, 0.5, 0.2, 6.0, 0.0, 7.0, 0.9, 8.0]))
-    array([0.2, 0.9])
+    >>> there = np.array([9.0, 8.0, 7.0, 5.0, 0.5, 0.2, 6.0, 8.0, 9.0, 9.0, 9.0])
+    >>> [x.tolist() for x in visits(there)]
+    [[9.0, 8.0, 7.0, 5.0, 0.5, 0.2, 6.0, 8.0, 9.0, 9.0]]
     """
     away = np.flatnonzero(magnitude > AWAY)
-    between = [magnitude[a + 1 : b] for a, b in itertools.pairwise(away) if b > a + 1]
-    return np.array([part.min() for part in between if part.min() > 0])
+    for a, b in itertools.pairwise(away):
+        part = magnitude[max(a + 1 - BESIDE, 0) : b + BESIDE]
+        if b > a + 1 and len(part) > 4 and magnitude[a + 1 : b].min() > 0:
+            yield part
+
+
+def evidence(values: Array) -> float:
+    """Evidence of one visit, whose values (n,) are in units of the noise.
+
+    Examples
+    --------
+    A line that passes zero, as a magnitude, and a parabola that comes near zero:
+
+    >>> import numpy as np
+    >>> t = np.arange(-4.5, 5.0)
+    >>> evidence(np.abs(8 * t)) > 20, evidence(t**2 + 0.5) < 0
+    (True, True)
+    """
+    t = np.linspace(-1.0, 1.0, len(values))
+    basis, _ = np.linalg.qr(np.column_stack([np.ones_like(t), t, t**2]))
+    least = int(values.argmin())
+    curves = np.array([np.where(np.arange(len(t)) >= k, -values, values) for k in (len(t), least, least + 1)])
+    one, *both = np.sum(np.square(curves - (curves @ basis) @ basis.T), axis=1).tolist()
+    return float(np.logaddexp(0.0, (one - min(both)) / 2) - np.log(2.0))

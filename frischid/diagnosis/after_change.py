@@ -75,8 +75,8 @@ def _beside(
     simpler = [[x] for x in more] + [list(shapes)] * old
     best, alone = scored(validator, wide), [scored(validator, x) for x in simpler]
     known = max((x.explained for x in alone if x is not None), default=0.0)
-    pair = validator.joined(more)
     if len(more) > 1 and best is not None:
+        pair = validator.joined(more)
         simplest = scored(validator, [pair, best.candidate])
         if simplest is None or simplest.candidate is pair:
             return []

@@ -218,10 +218,10 @@ def _of_motion(
     found = []
     for place in bursts:
         where = np.arange(len(t))[place]
-        energy = squares[where]
-        if _at_reversals(energy, friction[where], speed[where], criteria):
+        energy, shown = squares[where], np.flatnonzero(smooth[where].max(axis=0) > criteria.burst.edge)
+        if _at_reversals(energy[:, shown], friction[where][:, shown], speed[where][:, shown], criteria):
             continue
-        touched = [joints[j] for j in np.flatnonzero(smooth[where].max(axis=0) > criteria.burst.edge).tolist()]
+        touched = [joints[j] for j in shown.tolist()]
         margin = criteria.burst.seconds / 2  # as far as the smoothing reaches
         largest = ndimage.maximum_filter1d(energy, 2 * reach - 1, axis=0, mode="constant")
         half = where[np.any((energy > largest / 4) & (energy > criteria.burst.edge), axis=1)]
@@ -231,12 +231,8 @@ def _of_motion(
 
 
 def _at_reversals(energy: Array, friction: Array, speed: Array, criteria: DiagnosisCriteria) -> bool:
-    """Whether a burst lies where joints stop or start, and is no larger than the dry friction there.
-
-    The energy is in squares of the noise, so each sample of each joint has 1 without any burst.
-    """
-    excess = energy - 1.0
-    slow = float((excess * np.abs(speed)).sum()) < criteria.slow_speed * float(excess.sum())
+    """Whether a burst lies where its joints stop or start, and is no larger than the dry friction there."""
+    slow = float((energy * np.abs(speed)).sum()) < criteria.slow_speed * float(energy.sum())
     largest = np.maximum(friction.sum(axis=0), criteria.burst.edge * len(energy))
     return slow and bool(np.all(energy.sum(axis=0) <= largest))
 

@@ -42,6 +42,9 @@ from frischid.regression.regressor import CHUNK_SAMPLES, Regressor
 
 UNLIKE_THE_OTHERS = 1.5
 """Share of a joint's rows in one log over that of the average joint, above which the joints move in different logs."""
+FEW_ELSEWHERE = 0.5
+"""Share of a joint's rows outside one log over that of the average joint, below which they do, too. Where most joints rest
+in the other logs, the average joint's share in this one is near 1, and no share is 1.5 times as large."""
 
 
 class MotionCache:
@@ -249,7 +252,7 @@ def _one_joint_a_fold(motions: Sequence[CachedMotion]) -> bool:
         counts[motion.fold or 0] += motion.counts
     share = counts / np.maximum(counts.sum(axis=0), 1.0)
     usual = share.mean(axis=1, keepdims=True)  # of a long log beside a short one the share of all joints is large
-    unlike = (share > UNLIKE_THE_OTHERS * usual) | (1 - share < MOST_OF_A_JOINT * (1 - usual))
+    unlike = (share > UNLIKE_THE_OTHERS * usual) | (1 - share < FEW_ELSEWHERE * (1 - usual))
     return bool(((share > MOST_OF_A_JOINT) & unlike).any())
 
 

@@ -48,11 +48,11 @@ def searched(
         if stated:
             chosen.append(effect)
             continue
-        if not effect.columns(model.robot):
-            raise InputError(
-                f"{text}: on this robot, {effect.id} acts on no joint; name its joints (frischid effects {effect.id})"
-            )
         alternatives = _alternatives(effect, model)
+        if effect.joints is None and not any(x.columns(model.robot) for shapes in alternatives for x in shapes):
+            raise InputError(
+                f"{effect}: on this robot, the effect acts on no joint; name its joints (frischid effects {effect.id})"
+            )
         taken: Situation = "changed" if situation == "changed" else "always"
         alone = taken == "always" or not effect.after_change
         if alone and not effect.shapes and all(len(shapes) == 1 for shapes in alternatives):

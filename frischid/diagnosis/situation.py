@@ -6,9 +6,10 @@
 Where the training logs are at hand, they decide (`of_the_training_logs`). A model that is no worse on the new logs than
 on its own says nothing of a change. Nor does an error that its uncertainty explains, nor that of an effect which was
 always missing. With E the error of a joint on the new logs under the unchanged model, E_a that under the model with the
-effects of the training logs and their strength there, and E_t the largest of three (the cross-validated error of the
-latter on the training logs, the sensor noise of the new logs, and the error that the model's uncertainty explains
-there), the robot has not changed where on every joint whose error asks for an explanation beside E_t
+effects of the training logs and their strength there, and E_t the largest of three (the error of the latter on training
+logs that were left out, without the part that uncertain parameters cause; the sensor noise of the new logs; and the
+error that the model's uncertainty explains there), the robot has not changed where on every joint whose error asks for
+an explanation beside E_t
 
     E_a² − E_t²  <  ½ (E² − E_t²).
 

@@ -75,7 +75,7 @@ def unmodelled_term(ranking: Ranking, floor: Array, least: Array) -> UnmodelledT
         if found is not None:
             return found
     if worst != first and after[worst] - healthy[worst] > before[first] - after[first]:
-        return _term_on(full, worst, noise[worst] + left[worst], True)
+        return _term_on(full, worst, noise[worst] + left[worst], True, worn=False)
     return None
 
 

@@ -109,7 +109,8 @@ class Effect(ABC):
     logs show that this one explains more."""
     same_in_motion: ClassVar[str] = ""
     """Another effect that has the same columns wherever the joint moves. Beside the other one in the model, a diagnosis
-    does not try this one: the two differ only at standstill, where dry friction is undetermined."""
+    does not try this one: the two differ only at standstill, where dry friction is undetermined. Where the robot
+    changed, this one is tried beside the changes that `after_change` names."""
     least: ClassVar[float] = 0.0
     """Size of the coefficients below which the diagnosis does not name the effect, however significant."""
     shapes: ClassVar[Mapping[str, tuple[float, ...]]] = {}

@@ -5,18 +5,21 @@ joint was taken as standing still, and nothing was called a guess. Where as many
 are paired with the joints: a sliding joint with a length, then by the likeness of the names, then in order. Nobody
 knows that this is right, so it is a guess.
 
-A column is left if its family has no joint, or has fewer columns than joints lack one. A whole second set of positions,
-such as those of the motors beside those of the joints, is none.
+A column is left if its name is that of a column which has a joint, but for the word in which these columns differ: as
+``enc_pan`` beside ``enc_roll``, and ``Axis_E1_pos`` beside ``Axis_A1_pos`` and ``Axis_A2_pos``. The positions of the
+motors beside those of the joints, and the place of a base or of a tool, have other names.
 """
 
 from __future__ import annotations
 
-from collections.abc import Mapping, Sequence
+import itertools
+import re
+from collections.abc import Collection, Iterable, Mapping, Sequence
 
 import numpy as np
 from scipy.optimize import linear_sum_assignment
 
-from frischid.logs.column_names import alike, families
+from frischid.logs.column_names import alike
 from frischid.logs.column_words import unit_of
 from frischid.logs.proposal import Proposal
 from frischid.robot.robot import Robot
@@ -25,27 +28,43 @@ UNITS_OF_KIND = {True: {"mm", "m"}, False: {"rad", "deg", "°"}}
 """Units of a position of a sliding (True) and of a turning joint."""
 
 
-def left_columns(names: Mapping[str, str], chosen: Mapping[str, str], joints: Sequence[str]) -> list[str]:
-    """Position columns that are left beside joints without one.
+def left_columns(names: Iterable[str], chosen: Mapping[str, str]) -> list[str]:
+    """Columns without a joint whose names are like those that have one.
 
     Parameters
     ----------
-    names : mapping of str to str
-        Column -> the rest of its name, of all position columns.
+    names : iterable of str
+        All columns of a channel.
     chosen : mapping of str to str
         Joint -> column, as far as names tell.
-    joints : sequence of str
-        Joints of the robot.
 
     Examples
     --------
-    >>> names = {"enc_pan": "pan", "enc_roll": "roll", "enc_tilt": "tilt"}
-    >>> left_columns(names, {"roll": "enc_roll"}, ("yaw", "roll", "pitch"))
+    >>> left_columns(["enc_pan", "enc_roll", "enc_tilt", "motor_roll"], {"roll": "enc_roll", "x": "enc_x"})
     ['enc_pan', 'enc_tilt']
     """
-    missing, taken = len(joints) - len(chosen), set(chosen.values())
-    own = [f for f in families(names) if taken & set(f) or len(f) <= missing]
-    return [name for family in own for name in family if name not in taken]
+    taken = [_words(name) for name in chosen.values()]
+    pairs = ((one, two) for one, two in itertools.combinations(taken, 2) if len(one) == len(two))
+    own = {k for one, two in pairs for k in _places(one, two)}
+    others = (name for name in names if name not in chosen.values())
+    return [name for name in others if any(_like(_words(name), one, own) for one in taken)]
+
+
+def _words(name: str) -> list[str]:
+    return [word for word in re.split(r"[\W_]+", name) if word]
+
+
+def _places(one: Sequence[str], two: Sequence[str]) -> list[int]:
+    """Places of the words in which two names of the same length differ."""
+    return [k for k, (a, b) in enumerate(zip(one, two, strict=True)) if a != b]
+
+
+def _like(name: Sequence[str], one: Sequence[str], own: Collection[int]) -> bool:
+    """Whether a name differs from another one in a single word, at a place that tells the joints (any if unknown)."""
+    if len(name) != len(one):
+        return False
+    places = _places(name, one)
+    return len(places) == 1 and (not own or places[0] in own)
 
 
 def pair_left(names: Mapping[str, str], chosen: Mapping[str, str], robot: Robot, found: Proposal) -> dict[str, str]:
@@ -53,11 +72,13 @@ def pair_left(names: Mapping[str, str], chosen: Mapping[str, str], robot: Robot,
 
     Parameters
     ----------
-    names, chosen
-        As in `left_columns`.
+    names : mapping of str to str
+        Column -> the rest of its name, of all position columns.
+    chosen : mapping of str to str
+        Joint -> column, as far as names tell.
     """
     missing = [joint for joint in robot.joints if joint not in chosen]
-    left = left_columns(names, chosen, robot.joints)
+    left = left_columns(names, chosen)
     pairs = _pairs(names, left, missing, robot)
     if pairs:
         said = ", ".join(f"{name} for {joint}" for joint, name in pairs.items())
@@ -71,9 +92,11 @@ def pair_left(names: Mapping[str, str], chosen: Mapping[str, str], robot: Robot,
 
 
 def with_paired(names: Mapping[str, str], chosen: Mapping[str, str], paired: Mapping[str, str]) -> dict[str, str]:
-    """Joint -> column of one channel, with the columns whose rest of the name is that of a paired position."""
-    taken = set(chosen.values())
-    more = {paired[rest]: name for name, rest in names.items() if rest in paired and name not in taken}
+    """Joint -> column of one channel, with the columns whose rest of the name is that of a paired position.
+
+    Such a column must have a name like those of the other joints: a torque of another kind is none of this channel.
+    """
+    more = {paired[names[name]]: name for name in left_columns(names, chosen) if names[name] in paired}
     return {**more, **chosen}
 
 

@@ -48,8 +48,7 @@ def other_carriers(model: Model, motions: Sequence[Motion], name: str, body: Bod
     found = sorted(_better(model, motions, name, body), reverse=True)
     if not found:
         return ()
-    where = [f"{joint} ({mass:.3g} ± {bound:.2g} kg)" for _, joint, mass, bound in found]
-    gain = found[0][0]
+    where = [f"{joint} ({mass:.3g} ± {bound:.2g} kg)" for _, joint, mass, bound, _ in found]
     return (
         Alarm(
             "other-carrier",
@@ -57,8 +56,8 @@ def other_carriers(model: Model, motions: Sequence[Motion], name: str, body: Bod
             f"A body on the link of {listed(where, 'or')} explains these logs better than one on the link of {name}. "
             "If the body is there, the mass is wrong by more than its bound.",
             f"Look where the body is, and name the joint of its link: --carrier {found[0][1]}.",
-            tuple(joint for _, joint, _, _ in found),
-            gain,
+            tuple(joint for _, joint, _, _, _ in found),
+            found[0][4],
             BY_CHANCE,
         ),
     )
@@ -66,17 +65,18 @@ def other_carriers(model: Model, motions: Sequence[Motion], name: str, body: Bod
 
 def _better(
     model: Model, motions: Sequence[Motion], name: str, body: BodyFit
-) -> Iterator[tuple[float, str, float, float]]:
-    """Mean gain, joint, mass and its bound on each link that explains the logs better, with another mass."""
+) -> Iterator[tuple[float, str, float, float, float]]:
+    """Mean gain, joint, mass, its bound, and p value of each link that explains the logs better, with another mass."""
     before = _squares(model, body)
     above = [joint for joint in _between(model, name) if LINK_PARAMETERS.index("m") in felt_on(model, joint)]
     for joint in above if len(before) >= FEWEST_BLOCKS else ():
         other = fit_on_link(model, motions, joint)
         gain = before - _squares(model, other)
         chance = stats.ttest_1samp(gain, 0.0, alternative="greater").pvalue if gain.std() > 0 else 1.0
+        chance = min(1.0, float(chance) * len(above))
         (mass, bound), (here, own) = _mass(other), _mass(body)
-        if chance < BY_CHANCE / len(above) and mass > bound and abs(mass - here) > own:
-            yield float(gain.mean()), joint, mass, bound
+        if chance < BY_CHANCE and mass > bound and abs(mass - here) > own:
+            yield float(gain.mean()), joint, mass, bound, chance
 
 
 def _between(model: Model, name: str) -> list[str]:

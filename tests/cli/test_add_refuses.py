@@ -49,7 +49,7 @@ def test_an_effect_without_a_joint_to_act_on_says_so():
     log = fr.simulate(robot, fr.random_fourier(robot, 10.0, seed=1), rate=50.0, noise=fr.Noise(tau=0.01))
     model = fr.identify(robot, [log], recursion="none").model
     text = "joint_coupling"
-    with pytest.raises(fr.InputError, match="on this robot, joint_coupling acts on no joint"):
+    with pytest.raises(fr.InputError, match="on this robot, the effect acts on no joint"):
         searched(model, fr.parse_effects(text), text, [log], "auto")
 
 

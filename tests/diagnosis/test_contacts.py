@@ -1,13 +1,14 @@
 """A stretch that a trimmed fit cannot predict is no contact: its residual has the variance of the prediction too."""
 
 from dataclasses import dataclass
+from types import SimpleNamespace
 
 import numpy as np
 import pytest
 from scipy import special
 
 import frischid as fr
-from frischid.diagnosis.contacts import _at_reversals, find_contacts
+from frischid.diagnosis.contacts import _of_motion, find_contacts
 from frischid.diagnosis.criteria import DiagnosisCriteria
 from frischid.diagnosis.floor import Floor
 from frischid.diagnosis.robust_fit import robust_parameters
@@ -90,12 +91,18 @@ def test_a_push_on_a_slow_joint_is_larger_than_its_friction():
     assert burst.start < middle < burst.stop
 
 
-@pytest.mark.parametrize(("speed", "reverses"), [(0.1, True), (0.6, False)])
-def test_the_noise_of_other_joints_does_not_hide_that_a_burst_is_at_a_reversal(speed, reverses):
+@pytest.mark.parametrize(("speed", "count"), [(0.1, 0), (0.6, 1)])
+@pytest.mark.parametrize("others", [0.3, 1.0, 1.5])
+def test_the_noise_of_other_joints_does_not_hide_that_a_burst_is_at_a_reversal(speed, count, others):
     """On a healthy Z1, two spikes where joint 6 reversed were contacts: five other joints were in motion."""
-    energy, relative = np.ones((25, 6)), np.ones((25, 6))
-    energy[:, 5], relative[:, 5] = 12.0, speed
-    assert _at_reversals(energy, np.full((25, 6), 20.0), relative, DiagnosisCriteria()) is reverses
+    t = np.arange(0.0, 10.0, 0.02)
+    squares, relative = np.full((len(t), 24), others), np.ones((len(t), 24))
+    push = (t > 4.0) & (t < 4.5)
+    squares[push, 5], relative[push, 5] = 40.0, speed
+    names = [f"joint{k}" for k in range(24)]
+    judge = SimpleNamespace(criteria=DiagnosisCriteria(), joints=names)
+    found = _of_motion("log", t, squares, np.full_like(squares, 60.0), relative, 3, judge)
+    assert [burst.contact.joints for burst in found] == [["joint5"]] * count
 
 
 @pytest.mark.parametrize("share", [0.1, 0.2])

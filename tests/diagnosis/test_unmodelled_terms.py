@@ -96,20 +96,6 @@ def test_a_bearing_worn_at_one_angle_is_not_called_friction_that_grows_with_the_
     assert f"on joint1 {said}" in found.notes
 
 
-def test_a_bearing_worn_at_one_angle_is_found_beside_an_effect_of_another_joint():
-    """A late friction of other joints was called the cause with 86 %: worn friction was asked for on its joint only."""
-    logs = []
-    for log in logs_of(0.0):
-        tau = np.array(log.tau)
-        tau[:, 0] += 1.5 * (np.abs(log.q[:, 0] - 0.5) < 0.3) * np.sign(log.v[:, 0])
-        logs.append(replace(log, tau=tau))
-    found = fr.diagnose(fr.identify(PLANAR2, logs, recursion="none").model, logs, effects=["joint_spring", "coulomb"])
-    assert found.verdict == "unknown"
-    assert found.probabilities["outside"] > 0.9
-    said = "on joint1 dry friction that changes with q1 explains more error than joint_spring does"
-    assert any(note.startswith(said) for note in found.notes)
-
-
 @pytest.mark.parametrize(
     ("friction", "name"),
     [(lambda q, load: 0.08 * load, "load_friction"), (lambda q, load: 1.5 * q, "position_friction")],

@@ -77,6 +77,27 @@ def test_a_second_set_of_positions_is_not_left_over(tmp_path):
     assert not any("without a position column" in guess for guess in found.guesses)
 
 
+@pytest.mark.parametrize(
+    ("joints", "columns"),
+    [
+        ([("joint1", "revolute"), ("joint2", "revolute"), ("finger1", "prismatic"), ("finger2", "prismatic")],
+         [f"{kind}_position_{k}" for kind in ("joint", "motor") for k in (1, 2)]),
+        ([*((f"joint{k}", "revolute") for k in (1, 2, 3)), *((f"wheel_{x}", "continuous") for x in ("left", "right"))],
+         ["joint_pos_1", "joint_pos_2", "joint_pos_3", "base_pos_x", "base_pos_y"]),
+    ],
+)  # fmt: skip
+def test_encoders_of_motors_and_the_place_of_a_base_are_no_other_joints(tmp_path, joints, columns):
+    found = proposed(tmp_path, joints, dict.fromkeys(columns, 1.0))
+    assert found.missing == tuple(name for name, _ in joints if not name.startswith("joint"))
+
+
+def test_a_torque_of_another_kind_is_not_mixed_with_those_of_the_other_joints(tmp_path):
+    """Yaw and pitch had the external torque, roll the torque of its motor, and nobody said so."""
+    names = [f"{kind}_{n}" for kind in ("enc", "torque", "ext_torque") for n in ("pan", "roll", "tilt")]
+    found = proposed(tmp_path, GIMBAL, dict.fromkeys(names, 1.0))
+    assert [found.joints[j]["tau"] for j in ("yaw", "roll", "pitch")] == ["torque_pan", "torque_roll", "torque_tilt"]
+
+
 def test_kilonewton_metres_are_told_by_the_end_of_a_name(tmp_path):
     names = [word.format(joint) for word in ("angle_{}", "torque_{}_kNm") for joint, _ in GIMBAL]
     found = proposed(tmp_path, GIMBAL, dict.fromkeys(names, 1.0))
