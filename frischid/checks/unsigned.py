@@ -30,7 +30,7 @@ from frischid.core.types import Array
 from frischid.logs.filters import noise_level
 from frischid.logs.log import Log
 
-RATE = 100.0
+COMPARED_RATE = 100.0
 """Hz. Of faster logs, evenly spread samples are compared: with few samples in a visit, a corner is no curve."""
 AWAY = 4.0
 """Multiple of the noise beyond which a torque is away from zero, so that noise does not make one visit two."""
@@ -49,7 +49,7 @@ def check_unsigned(log: Log, notes: Notebook) -> None:
     x = np.nan_to_num(np.asarray(values, dtype=float))
     noise = noise_level(x)
     one_sign = ((x >= 0).all(axis=0) | (x <= 0).all(axis=0)) & log.has(channel) & (noise > 0)
-    thinned = np.abs(x[:: max(1, round(log.rate / RATE))]) / np.where(noise > 0, noise, 1.0)
+    thinned = np.abs(x[:: max(1, round(log.rate / COMPARED_RATE))]) / np.where(noise > 0, noise, 1.0)
     found = [[evidence(v) for v in visits(thinned[:, j])] if one_sign[j] else [] for j in range(len(noise))]
     ratio = sum(map(sum, found))
     if ratio <= PROBABLY:
@@ -58,7 +58,7 @@ def check_unsigned(log: Log, notes: Notebook) -> None:
     counts = np.array([len(own) for own in found])
     notes.add(
         "unsigned torque",
-        f"the {name} comes near zero {span(counts[counts > 0].astype(float))} times and turns back there with a corner, "
+        f"the {name} comes near zero {span(counts[counts > 0].astype(float))} times and turns back with a corner, "
         "as the magnitude of a torque that passes zero does: the sign is missing",
         notes.which(counts > 0),
         "certain" if ratio > SURELY else "likely",

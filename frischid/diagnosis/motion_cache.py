@@ -43,8 +43,8 @@ from frischid.regression.regressor import CHUNK_SAMPLES, Regressor
 UNLIKE_THE_OTHERS = 1.5
 """Share of a joint's rows in one log over that of the average joint, above which the joints move in different logs."""
 FEW_ELSEWHERE = 0.5
-"""Share of a joint's rows outside one log over that of the average joint, below which they do, too. Where most joints rest
-in the other logs, the average joint's share in this one is near 1, and no share is 1.5 times as large."""
+"""Share of a joint's rows outside one log over that of the average joint, below which they do, too. Where most joints
+rest in the other logs, the average joint's share in this one is near 1, and no share is 1.5 times as large."""
 
 
 class MotionCache:

@@ -51,7 +51,7 @@ def test_torques_of_one_sign_and_coarse_ones_are_not(change):
 @pytest.mark.parametrize("rate", [50.0, 1000.0])
 @pytest.mark.parametrize("dip", [3.0, 4.0])
 def test_a_torque_that_comes_near_zero_in_every_period_keeps_its_sign(rate, dip):
-    """The smallest of many noisy samples of a visit is far below the torque: this was called a magnitude for certain."""
+    """The smallest of many noisy samples of a visit is far below the torque: this was surely a magnitude."""
     t = np.arange(0.0, 60.0, 1 / rate)
     for seed in range(20):
         noise = 0.1 * np.random.default_rng(seed).standard_normal(len(t))
