@@ -7,13 +7,16 @@ samples next to the smallest. With σ the noise of the channel, the two descript
 
     ℓ_one = −Σ (x_i − p(t_i))² / 2σ²,      ℓ_both = max_k −Σ (±x_i − p_k(t_i))² / 2σ²,
 
-A torque of one sign has ℓ_one at each visit. A magnitude has either, so its likelihood is the mean of the two. The
-evidence that zero reflects the torque is the sum over all visits of
+A magnitude has either at each visit: the curve has passed zero with the probability w = Φ(−x_k/σ) that noise alone
+would carry the smallest value there, ½ at zero. A torque of one sign has ℓ_one, but now and then dry friction jumps
+just where the torque is near zero: with the probability 2cw, there is a corner too. The evidence that zero reflects the
+torque is the sum over all visits of
 
-    log ((e^ℓ_one + e^ℓ_both) / 2) − ℓ_one.
+    log ((1 − w) e^ℓ_one + w e^ℓ_both) − log ((1 − 2cw) e^ℓ_one + 2cw e^ℓ_both),
 
-A drive that reports magnitudes does so for all joints, so the visits of all channels of one sign count together. A
-visit with a value of exactly zero says nothing: a meter may be zero in the other direction.
+at most log 1/2c for each visit, so a few corners prove nothing. A drive that reports magnitudes does so for all joints: where one channel has both
+signs, none is a magnitude, and the visits of all channels count together. A visit with a value of exactly zero says
+nothing: a meter may be zero in the other direction.
 
 Source: Kass and Raftery 1995, "Bayes factors", J. American Statistical Association 90(430).
 """
@@ -24,6 +27,7 @@ import itertools
 from collections.abc import Iterator
 
 import numpy as np
+from scipy import special
 
 from frischid.checks.log_issue import Notebook, span
 from frischid.core.types import Array
@@ -36,6 +40,8 @@ AWAY = 4.0
 """Multiple of the noise beyond which a torque is away from zero, so that noise does not make one visit two."""
 BESIDE = 4
 """Samples of each side that are away from zero and belong to the visit: they show where the curve comes from."""
+BY_FRICTION = 0.1
+"""c, the probability that dry friction makes a corner where a torque of one sign comes near zero."""
 SURELY, PROBABLY = float(np.log(1000.0)), float(np.log(100.0))
 """Logarithm of the ratio of likelihoods above which the fault is certain, and likely."""
 
@@ -48,9 +54,11 @@ def check_unsigned(log: Log, notes: Notebook) -> None:
         return
     x = np.nan_to_num(np.asarray(values, dtype=float))
     noise = noise_level(x)
-    one_sign = ((x >= 0).all(axis=0) | (x <= 0).all(axis=0)) & log.has(channel) & (noise > 0)
+    alive = log.has(channel) & (noise > 0)
+    if not ((x >= 0).all(axis=0) | (x <= 0).all(axis=0))[alive].all():
+        return
     thinned = np.abs(x[:: max(1, round(log.rate / COMPARED_RATE))]) / np.where(noise > 0, noise, 1.0)
-    found = [[evidence(v) for v in visits(thinned[:, j])] if one_sign[j] else [] for j in range(len(noise))]
+    found = [[evidence(v) for v in visits(thinned[:, j])] if alive[j] else [] for j in range(len(noise))]
     ratio = sum(map(sum, found))
     if ratio <= PROBABLY:
         return
@@ -93,7 +101,7 @@ def evidence(values: Array) -> float:
 
     >>> import numpy as np
     >>> t = np.arange(-4.5, 5.0)
-    >>> evidence(np.abs(8 * t)) > 20, evidence(t**2 + 0.5) < 0
+    >>> evidence(np.abs(8 * t)) > 1, evidence(t**2 + 0.5) < 0
     (True, True)
     """
     t = np.linspace(-1.0, 1.0, len(values))
@@ -101,4 +109,8 @@ def evidence(values: Array) -> float:
     least = int(values.argmin())
     curves = np.array([np.where(np.arange(len(t)) >= k, -values, values) for k in (len(t), least, least + 1)])
     one, *both = np.sum(np.square(curves - (curves @ basis) @ basis.T), axis=1).tolist()
-    return float(np.logaddexp(0.0, (one - min(both)) / 2) - np.log(2.0))
+    gain = (one - min(both)) / 2
+    passed = special.ndtr(-values.min())
+    by_friction = 2 * BY_FRICTION * passed
+    ways = [np.logaddexp(np.log1p(-w), np.log(w) + gain) for w in (passed, by_friction)]
+    return float(ways[0] - ways[1])
