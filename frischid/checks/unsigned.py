@@ -14,9 +14,9 @@ torque is the sum over all visits of
 
     log ((1 − w) e^ℓ_one + w e^ℓ_both) − log ((1 − 2cw) e^ℓ_one + 2cw e^ℓ_both),
 
-at most log 1/2c for each visit, so a few corners prove nothing. A drive that reports magnitudes does so for all joints: where one channel has both
-signs, none is a magnitude, and the visits of all channels count together. A visit with a value of exactly zero says
-nothing: a meter may be zero in the other direction.
+at most log 1/2c for each visit, so a few corners prove nothing. A drive that reports magnitudes does so for all joints:
+where one channel has both signs, none is a magnitude, and the visits of all channels count together. A visit with a
+value of exactly zero says nothing: a meter may be zero in the other direction.
 
 Source: Kass and Raftery 1995, "Bayes factors", J. American Statistical Association 90(430).
 """
