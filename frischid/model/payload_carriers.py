@@ -16,6 +16,7 @@ Source: Vuong 1989, Likelihood ratio tests for model selection and non-nested hy
 from __future__ import annotations
 
 from collections.abc import Iterator, Sequence
+from typing import NamedTuple
 
 import numpy as np
 from scipy import stats
@@ -33,6 +34,16 @@ BY_CHANCE = 0.01
 FEWEST_BLOCKS = 5
 
 
+class _Carrier(NamedTuple):
+    """A link that explains the logs better: mean gain, joint, the mass there and its bound, kg, and the p value."""
+
+    gain: float
+    joint: str
+    mass: float
+    bound: float
+    chance: float
+
+
 def other_carriers(model: Model, motions: Sequence[Motion], name: str, body: BodyFit) -> tuple[Alarm, ...]:
     """The alarm that a body is on another link than the named one; none where the named link is as good as any.
 
@@ -48,25 +59,23 @@ def other_carriers(model: Model, motions: Sequence[Motion], name: str, body: Bod
     found = sorted(_better(model, motions, name, body), reverse=True)
     if not found:
         return ()
-    where = [f"{joint} ({mass:.3g} ± {bound:.2g} kg)" for _, joint, mass, bound, _ in found]
+    where = [f"{x.joint} ({x.mass:.3g} ± {x.bound:.2g} kg)" for x in found]
     return (
         Alarm(
             "other-carrier",
             "doubt",
             f"A body on the link of {listed(where, 'or')} explains these logs better than one on the link of {name}. "
             "If the body is there, the mass is wrong by more than its bound.",
-            f"Look where the body is, and name the joint of its link: --carrier {found[0][1]}.",
-            tuple(joint for _, joint, _, _, _ in found),
-            found[0][4],
+            f"Look where the body is, and name the joint of its link: --carrier {found[0].joint}.",
+            tuple(x.joint for x in found),
+            found[0].chance,
             BY_CHANCE,
         ),
     )
 
 
-def _better(
-    model: Model, motions: Sequence[Motion], name: str, body: BodyFit
-) -> Iterator[tuple[float, str, float, float, float]]:
-    """Mean gain, joint, mass, its bound, and p value of each link that explains the logs better, with another mass."""
+def _better(model: Model, motions: Sequence[Motion], name: str, body: BodyFit) -> Iterator[_Carrier]:
+    """Each link that explains the logs better, with another mass."""
     before = _squares(model, body)
     above = [joint for joint in _between(model, name) if LINK_PARAMETERS.index("m") in felt_on(model, joint)]
     for joint in above if len(before) >= FEWEST_BLOCKS else ():
@@ -76,7 +85,7 @@ def _better(
         chance = min(1.0, float(chance) * len(above))
         (mass, bound), (here, own) = _mass(other), _mass(body)
         if chance < BY_CHANCE and mass > bound and abs(mass - here) > own:
-            yield float(gain.mean()), joint, mass, bound, chance
+            yield _Carrier(float(gain.mean()), joint, mass, bound, chance)
 
 
 def _between(model: Model, name: str) -> list[str]:
