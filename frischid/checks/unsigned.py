@@ -5,7 +5,7 @@ zero is a smooth curve itself. So each *visit* to zero, the samples between two 
 by a parabola in time: as the log has the samples x_i, and with another sign from sample k on, with k one of the
 samples next to the smallest. With σ the noise of the channel, the two descriptions have the log likelihoods
 
-    ℓ_one = −Σ (x_i − p(t_i))² / 2σ²,      ℓ_both = max_k −Σ (±x_i − p_k(t_i))² / 2σ²,
+    ℓ_one = −Σ (x_i − p(t_i))² / 2σ²,      ℓ_both = max_k −Σ (±x_i − p_k(t_i))² / 2σ².
 
 A magnitude has either at each visit: the curve has passed zero with the probability w = Φ(−x_k/σ) that noise alone
 would carry the smallest value there, ½ at zero. A torque of one sign has ℓ_one, but now and then dry friction jumps
@@ -35,7 +35,7 @@ from frischid.logs.filters import noise_level
 from frischid.logs.log import Log
 
 COMPARED_RATE = 100.0
-"""Hz. Of faster logs, evenly spread samples are compared: with few samples in a visit, a corner is no curve."""
+"""Hz. Of faster logs, evenly spread samples are compared: among many samples of a visit, a corner looks round."""
 AWAY = 4.0
 """Multiple of the noise beyond which a torque is away from zero, so that noise does not make one visit two."""
 BESIDE = 4

@@ -14,6 +14,7 @@ manipulators", IEEE ICRA; Hollerbach, Khalil and Gautier 2016, Springer Handbook
 
 from __future__ import annotations
 
+from collections.abc import Sequence
 from dataclasses import dataclass
 from functools import lru_cache
 from typing import ClassVar, Self
@@ -36,23 +37,24 @@ def _all_unknown(robot: Robot) -> Robot:
     return Robot.from_dict({**robot.to_dict(), "known": {}})
 
 
-def _link_columns(robot: Robot, joint: str, q: Array, v: Array, a: Array) -> Array:
-    """Torque (N, 10, J) per unit of each inertial parameter of the link behind a joint."""
-    whole, first = _all_unknown(robot), 10 * (robot.numbers[joint] - 1)
-    out = np.empty((len(q), 10, len(robot.joints)))
+def _link_columns(robot: Robot, joints: Sequence[str], q: Array, v: Array, a: Array) -> Array:
+    """Torque (N, L, 10, J) per unit of each inertial parameter of the links behind L joints."""
+    whole, links = _all_unknown(robot), [robot.numbers[joint] - 1 for joint in joints]
+    out = np.empty((len(q), len(joints), 10, len(robot.joints)))
     buffer = np.empty((min(PAYLOAD_CHUNK, len(q)), len(robot.all_names), len(robot.joints)))
     for start in range(0, len(q), PAYLOAD_CHUNK):
         s = slice(start, start + PAYLOAD_CHUNK)
         part = buffer[: len(q[s])]
         whole.regressor(q[s], v[s], a[s], part)
-        out[s] = part[:, first : first + 10]
+        out[s] = part.reshape(len(part), -1, 10, len(robot.joints))[:, links]
     return out
 
 
 @lru_cache(maxsize=256)
 def _felt_parameters(robot: Robot, joint: str) -> NDArray[np.bool_]:
     """Whether the torque of a joint (column) depends on an inertial parameter of the link (row), (10, J)."""
-    return np.asarray((np.abs(_link_columns(robot, joint, *random_states(robot, 8))) > LEAST_FELT).any(axis=0))
+    columns = _link_columns(robot, [joint], *random_states(robot, 8))[:, 0]
+    return np.asarray((np.abs(columns) > LEAST_FELT).any(axis=0))
 
 
 @lru_cache(maxsize=64)
@@ -108,11 +110,16 @@ class Payload(Effect):
 
     def terms(self, state: State) -> list[Term]:
         """Four or ten columns per link, in the rows of the joints that carry the link."""
-        return [term for _, name, number in self.acts_on(state.robot) for term in self._of_link(state, name, number)]
+        links = self.acts_on(state.robot)
+        values = _link_columns(state.robot, [name for _, name, _ in links], state.q, state.v, state.a)
+        return [
+            term
+            for k, (_, name, number) in enumerate(links)
+            for term in self._of_link(state.robot, name, number, values[:, k])
+        ]
 
-    def _of_link(self, state: State, name: str, number: str) -> list[Term]:
-        felt = _felt_parameters(state.robot, name)
-        values = _link_columns(state.robot, name, state.q, state.v, state.a)
+    def _of_link(self, robot: Robot, name: str, number: str, values: Array) -> list[Term]:
+        felt = _felt_parameters(robot, name)
         return [
             Term(
                 self.column(f"d{LINK_PARAMETERS[k]}", LINK_UNITS[k], name, number),

@@ -15,7 +15,7 @@ Source: Vuong 1989, Likelihood ratio tests for model selection and non-nested hy
 
 from __future__ import annotations
 
-from collections.abc import Iterator, Sequence
+from collections.abc import Iterator, Mapping
 from typing import NamedTuple
 
 import numpy as np
@@ -23,10 +23,9 @@ from scipy import stats
 
 from frischid.core.text import listed
 from frischid.core.types import Array
-from frischid.logs.preprocessing import Motion
 from frischid.model.alarms import Alarm
 from frischid.model.model import Model
-from frischid.model.payload_fit import BodyFit, felt_on, fit_on_link
+from frischid.model.payload_fit import BodyFit, felt_on
 from frischid.robot.robot import LINK_PARAMETERS
 
 BY_CHANCE = 0.01
@@ -44,19 +43,25 @@ class _Carrier(NamedTuple):
     chance: float
 
 
-def other_carriers(model: Model, motions: Sequence[Motion], name: str, body: BodyFit) -> tuple[Alarm, ...]:
+def carriers_before(model: Model, name: str) -> list[str]:
+    """Joints between the base and a joint behind whose links the mass of a body acts on the torque."""
+    robot = model.robot
+    path = set(robot.model.supports[robot.numbers[name]])
+    before = [joint for joint in robot.joints if joint != name and robot.numbers[joint] in path]
+    return [joint for joint in before if LINK_PARAMETERS.index("m") in felt_on(model, joint)]
+
+
+def other_carriers(model: Model, name: str, bodies: Mapping[str, BodyFit]) -> tuple[Alarm, ...]:
     """The alarm that a body is on another link than the named one; none where the named link is as good as any.
 
     Parameters
     ----------
-    motions : sequence of Motion
-        Of the logs with the body.
     name : str
-        Joint of the link on which the body was fitted.
-    body : BodyFit
-        The fit there.
+        Joint of the link on which the body is taken to be.
+    bodies : mapping of str to BodyFit
+        The fit there, and those on the links before it.
     """
-    found = sorted(_better(model, motions, name, body), reverse=True)
+    found = sorted(_better(model, name, bodies), reverse=True)
     if not found:
         return ()
     where = [f"{x.joint} ({x.mass:.3g} ± {x.bound:.2g} kg)" for x in found]
@@ -74,25 +79,17 @@ def other_carriers(model: Model, motions: Sequence[Motion], name: str, body: Bod
     )
 
 
-def _better(model: Model, motions: Sequence[Motion], name: str, body: BodyFit) -> Iterator[_Carrier]:
+def _better(model: Model, name: str, bodies: Mapping[str, BodyFit]) -> Iterator[_Carrier]:
     """Each link that explains the logs better, with another mass."""
-    before = _squares(model, body)
-    above = [joint for joint in _between(model, name) if LINK_PARAMETERS.index("m") in felt_on(model, joint)]
-    for joint in above if len(before) >= FEWEST_BLOCKS else ():
-        other = fit_on_link(model, motions, joint)
+    before, (here, own) = _squares(model, bodies[name]), _mass(bodies[name])
+    others = {joint: body for joint, body in bodies.items() if joint != name}
+    for joint, other in others.items() if len(before) >= FEWEST_BLOCKS else ():
         gain = before - _squares(model, other)
         chance = stats.ttest_1samp(gain, 0.0, alternative="greater").pvalue if gain.std() > 0 else 1.0
-        chance = min(1.0, float(chance) * len(above))
-        (mass, bound), (here, own) = _mass(other), _mass(body)
+        chance = min(1.0, float(chance) * len(others))
+        mass, bound = _mass(other)
         if chance < BY_CHANCE and mass > bound and abs(mass - here) > own:
             yield _Carrier(float(gain.mean()), joint, mass, bound, chance)
-
-
-def _between(model: Model, name: str) -> list[str]:
-    """Joints between the base and a joint."""
-    robot = model.robot
-    path = set(robot.model.supports[robot.numbers[name]])
-    return [joint for joint in robot.joints if joint != name and robot.numbers[joint] in path]
 
 
 def _mass(body: BodyFit) -> tuple[float, float]:

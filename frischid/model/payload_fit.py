@@ -11,7 +11,7 @@ from dataclasses import dataclass
 import numpy as np
 from scipy import linalg
 
-from frischid.core.types import Array
+from frischid.core.types import Array, Column
 from frischid.effects.load import Payload
 from frischid.errors import UnknownNameError
 from frischid.estimators.least_squares import Estimate, Prior, wls
@@ -50,37 +50,47 @@ class BodyFit:
 
 def felt_on(model: Model, name: str) -> list[int]:
     """The parameters of the ten of a body on the link behind a joint that act on the torque."""
-    return _felt(model, Regressor(model.robot, (*model.effects, Payload((name,), full=True)), model.reference), name)
+    return _felt(Payload((name,), full=True).columns(model.robot), str(model.robot.numbers[name]))
 
 
-def _felt(model: Model, regressor: Regressor, name: str) -> list[int]:
-    first, number = _own_columns(model), str(model.robot.numbers[name])
-    return [LINK_PARAMETERS.index(c.name[1:].removesuffix(number)) for c in regressor.columns[first:]]
+def _felt(columns: Sequence[Column], number: str) -> list[int]:
+    return [LINK_PARAMETERS.index(c.name[1:].removesuffix(number)) for c in columns]
 
 
-def _own_columns(model: Model) -> int:
-    return len(Regressor(model.robot, model.effects, model.reference).columns)
-
-
-def fit_on_link(model: Model, motions: Sequence[Motion], name: str, frame: str | None = None) -> BodyFit:
-    """Fit a body on the link behind a joint.
+def fit_on_links(
+    model: Model, motions: Sequence[Motion], names: Sequence[str], frame: str | None = None
+) -> dict[str, BodyFit]:
+    """Fit a body on the link behind each of some joints, one link at a time, from one pass over the motions.
 
     Parameters
     ----------
     motions : sequence of Motion
         Of the logs with the body.
+    names : sequence of str
+        Joints, the named one first.
     frame : str, optional
-        Frame of the URDF in which the body's parameters are given; by default the flange's.
+        Frame of the URDF in which the body's parameters on the first link are given; by default the flange's.
+
+    Returns
+    -------
+    dict of str to BodyFit
+        All with the same blocks of time.
     """
-    robot = model.robot
-    regressor = Regressor(robot, (*model.effects, Payload((name,), full=True)), model.reference)
-    felt = _felt(model, regressor, name)
-    keep = [*model.base, *range(_own_columns(model), len(regressor.columns))]
-    blocks = accumulate(regressor, list(motions), model.lowpass, model.joints, base=keep)
-    H = robot_frame(robot, name, frame)
-    fit, phi, covariance = _fit(model, blocks, felt, H[:3, 3])
-    T = np.linalg.inv(parameter_transform(H))
-    return BodyFit(felt, blocks, fit, T @ phi, T @ covariance @ T.T)
+    robot, p = model.robot, len(model.base)
+    regressor = Regressor(robot, (*model.effects, Payload(tuple(names), full=True)), model.reference)
+    own = Payload(tuple(names), full=True).columns(robot)
+    keep = [*model.base, *range(len(regressor.columns) - len(own), len(regressor.columns))]
+    blocks = accumulate(regressor, motions, model.lowpass, model.joints, base=keep)
+    found = {}
+    for name in names:
+        there = [k for k, column in enumerate(own) if column.joint == name]
+        felt = _felt([own[k] for k in there], str(robot.numbers[name]))
+        of_link = Blocks(block.select([*range(p), *(p + k for k in there)]) for block in blocks)
+        H = robot_frame(robot, name, frame if name == names[0] else None)
+        fit, phi, covariance = _fit(model, of_link, felt, H[:3, 3])
+        T = np.linalg.inv(parameter_transform(H))
+        found[name] = BodyFit(felt, of_link, fit, T @ phi, T @ covariance @ T.T)
+    return found
 
 
 def _fit(model: Model, blocks: Sequence[Gram], felt: Sequence[int], flange: Array) -> tuple[Estimate, Array, Array]:

@@ -31,8 +31,8 @@ from frischid.model.identified_payload import IdentifiedPayload, payload_of
 from frischid.model.model import Model
 from frischid.model.model_argument import check_model
 from frischid.model.payload_alarms import DIFFERENT, alarms_with_body, unlike_with_body
-from frischid.model.payload_carriers import other_carriers
-from frischid.model.payload_fit import felt_on, fit_on_link, frame_name
+from frischid.model.payload_carriers import carriers_before, other_carriers
+from frischid.model.payload_fit import felt_on, fit_on_links, frame_name
 from frischid.regression.moment_blocks import total
 from frischid.regression.moments import Gram
 from frischid.robot.robot import LINK_PARAMETERS, Robot
@@ -91,8 +91,8 @@ def payload(
         what = f"{'the mass of ' if felt else ''}a body on the link of {name}"
         raise IdentifiabilityError(f"{what} changes no torque, so no log can weigh it; name another link (carrier)")
     motions = model.motions(logs)
-    held = list(motions)
-    body = fit_on_link(model, held, name, frame)
+    bodies = fit_on_links(model, list(motions), [name, *carriers_before(model, name)], frame)
+    body = bodies[name]
     fit, phi, covariance, p = body.fit, body.phi, body.covariance, len(model.base)
     whole, names = total(body.blocks), (frame_name(robot, name, frame), name)
     unlike, by_chance = unlike_with_body(model, whole, fit.theta), _by_chance(fit.theta[p:], fit.covariance[p:, p:])
@@ -100,8 +100,7 @@ def payload(
         limit = max(float(phi[0]), 0.0) + 2.0 * float(np.sqrt(covariance[0, 0]))
         raise NoBodyError(*names, limit, DIFFERENT if unlike or not by_chance else "")
     found = payload_of(names, phi, covariance, _errors(whole, fit.theta, model.estimate.theta), tuple(motions.notes))
-    elsewhere = other_carriers(model, held, name, body)
-    return replace(found, alarms=(*alarms_with_body(model, logs, unlike), *elsewhere))
+    return replace(found, alarms=(*alarms_with_body(model, logs, unlike), *other_carriers(model, name, bodies)))
 
 
 def _check_logs(model: Model, logs: Sequence[Log | Recording]) -> None:
