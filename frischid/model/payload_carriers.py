@@ -19,10 +19,10 @@ from collections.abc import Iterator, Mapping
 from typing import NamedTuple
 
 import numpy as np
-from scipy import stats
 
 from frischid.core.text import listed
 from frischid.core.types import Array
+from frischid.estimators.p_values import mean_above_zero
 from frischid.model.alarms import Alarm
 from frischid.model.model import Model
 from frischid.model.payload_fit import BodyFit, felt_on
@@ -85,8 +85,7 @@ def _better(model: Model, name: str, bodies: Mapping[str, BodyFit]) -> Iterator[
     others = {joint: body for joint, body in bodies.items() if joint != name}
     for joint, other in others.items() if len(before) >= FEWEST_BLOCKS else ():
         gain = before - _squares(model, other)
-        chance = stats.ttest_1samp(gain, 0.0, alternative="greater").pvalue if gain.std() > 0 else 1.0
-        chance = min(1.0, float(chance) * len(others))
+        chance = min(1.0, mean_above_zero(gain) * len(others)) if gain.any() else 1.0
         mass, bound = _mass(other)
         if chance < BY_CHANCE and mass > bound and abs(mass - here) > own:
             yield _Carrier(float(gain.mean()), joint, mass, bound, chance)
