@@ -10,23 +10,23 @@ and above the band of the motion, between reversals, there is nothing but noise.
 
     slow_j² = 2 h ∫ S_j df = 2 h (W_j f_c + L_j f₀ arctan(f_c/f₀)),
 
-with h the step of the samples: the larger, the slower. The residual limits f₀ in two ways. A joint's residual
-contains its noise. So the variance σ_j² of the residual, from n_j independent samples beyond the fitted parameters, is
-below slow_j² only by chance. Drives of an arm are alike, so one f₀ serves all joints. Such noise costs the residuals of
-all joints the log likelihood, with x_j = slow_j² / σ_j²,
+with h the step of the samples: the larger, the slower. The residual limits f₀, because a joint's residual contains its
+noise. With H the filter, and P_jo the power of the residual in octave o of the band, noise of this spectrum has there
 
-    D = ½ Σ_{x_j > 1} n_j (log x_j + 1/x_j − 1),
+    E_jo = 2 h ∫_o |H|² S_j df,    x_jo = E_jo / P_jo.
 
-and may be as large as chance makes D on average, J/4: a joint that misses nothing loses about ½ z², with z a standard
-normal variable, and only where z > 0. And the noise cannot be correlated over a longer time than the most correlated
-residual is,
+It is above 1 only by chance. P_jo is a sum of n_jo independent squares (`residual_spectrum`). So such noise costs the
+log likelihood
 
-    T = S(0) / (2 ∫ S df) = 1 / (2 f₀ arctan(f_c/f₀))  ≤  max_j T_j.
+    D = ½ Σ_{x_jo > 1} n_jo (log x_jo + 1/x_jo − 1).
 
-The slowest noise within both limits is taken. Where the torque's noise is white, L is zero, and slow_j is the noise
-floor of white noise.
+Drives of an arm are alike, so one f₀ serves all joints. The slowest noise is taken whose D is as small as chance makes
+it on average: 1/4 for each octave of each joint, because a share of 1 loses about ½ z², with z a standard normal
+variable, and only where z > 0. Where the torque's noise is white, L is zero, and slow_j is the noise floor of white
+noise.
 
-Source: Box, Jenkins, Reinsel and Ljung 2015, Time Series Analysis, section 3.2.
+Sources: Box, Jenkins, Reinsel and Ljung 2015, Time Series Analysis, section 3.2; Whittle 1953, Estimation and
+information in stationary time series, Arkiv för Matematik 2 (the likelihood of a periodogram).
 """
 
 from __future__ import annotations
@@ -37,6 +37,7 @@ import numpy as np
 
 from frischid.core.types import Array
 from frischid.diagnosis.cross_validation import CrossValidator
+from frischid.diagnosis.residual_spectrum import ResidualSpectrum
 from frischid.model.noise_floor import Octaves, mean_in_band, shares_of_noise, spectra_of_noise
 
 _LEAST_OCTAVES = 2  # one cannot tell noise with a memory from white noise
@@ -62,27 +63,24 @@ def slow_noise(octaves: Sequence[Octaves], full: CrossValidator) -> Array:
     usable = [x for x in octaves if len(x.centres) >= _LEAST_OCTAVES]
     if cutoff is None or not usable:
         return np.zeros(len(full.joints))
-    step = float(np.mean([x.step * full.model.lowpass.decimation(x.step) for x in usable]))
-    times = 1 / (2 * _CORNERS * np.arctan(cutoff / _CORNERS))
-    share = np.array([x.samples for x in usable]) / sum(x.samples for x in usable)
-    for corner in _CORNERS[times <= step * full.fit.correlation.max()]:
-        squares = share @ np.array([_in_band(x, float(corner), cutoff) for x in usable])
-        if _lost(full, squares) <= len(squares) / 4:
-            return np.asarray(np.sqrt(squares))
+    residuals = [ResidualSpectrum.of(full, row, cutoff) for row in range(len(full.joints))]
+    samples = np.array([x.samples for x in usable])
+    weights, step = samples / samples.sum(), float(samples @ [x.step for x in usable] / samples.sum())
+    for corner in _CORNERS.tolist():
+        spectra = [spectra_of_noise(x.centres, corner, x.step) for x in usable]
+        shares = [shares_of_noise(y, np.maximum(x.powers, 1e-300)) for x, y in zip(usable, spectra, strict=True)]
+        mean = np.tensordot(weights, np.array(shares), 1)
+        noise = [
+            2 * step * x.integrated(spectra_of_noise(x.centres, corner, step) @ y)
+            for x, y in zip(residuals, mean, strict=True)
+        ]
+        lost = sum(_lost(y / x.powers, x.independent) for x, y in zip(residuals, noise, strict=True))
+        if lost <= sum(len(x.powers) for x in residuals) / 4:
+            return np.asarray(np.sqrt(2 * step * cutoff * (mean @ mean_in_band(corner, cutoff))))
     return np.zeros(len(full.joints))
 
 
-def _lost(full: CrossValidator, squares: Array) -> float:
-    """Log likelihood that the residuals of all joints lose if noise of these variances, (J,), is in them."""
-    independent = np.maximum(full.effective - full.fit.determined, 1.0)
-    variance = full.fit.sigma**2 * full.effective / independent
-    ratio = np.maximum(squares / np.maximum(variance, 1e-300), 1.0)
-    return float(0.5 * independent @ (np.log(ratio) + 1 / ratio - 1))
-
-
-def _in_band(octaves: Octaves, corner: float, cutoff: float) -> Array:
-    """Variance of each joint's noise below the cut-off, (J,)."""
-    shares = shares_of_noise(
-        spectra_of_noise(octaves.centres, corner, octaves.step), np.maximum(octaves.powers, 1e-300)
-    )
-    return np.asarray(2 * octaves.step * cutoff * (shares @ mean_in_band(corner, cutoff)))
+def _lost(ratio: Array, independent: Array) -> float:
+    """Log likelihood that noise costs whose power in O octaves is the residual's times a ratio, (O,)."""
+    above = np.maximum(ratio, 1.0)
+    return float(0.5 * independent @ (np.log(above) + 1 / above - 1))

@@ -184,14 +184,14 @@ def _power(x: Array, direction: Array, step: float, lag: int) -> Array | None:
 
 
 def spectra_of_noise(centres: Array, corner: float, step: float) -> Array:
-    """Spectra of noise with a memory and of white noise at some frequencies, (K, 2); the first is 1 at frequency 0.
+    """Spectra (..., 2) of noise with a memory and of white noise at frequencies (...); the first is 1 at frequency 0.
 
     Samples of noise with the memory 1 / (2π f₀) are a first-order autoregressive series with ρ = exp(−2π f₀ h). Its
     spectrum is (1 − ρ)² / (1 − 2ρ cos(2π f h) + ρ²): near 1 / (1 + (f/f₀)²) at frequencies far below 1/h.
     """
     rho = np.exp(-2 * np.pi * corner * step)
     memory = (1 - rho) ** 2 / (1 - 2 * rho * np.cos(2 * np.pi * centres * step) + rho**2)
-    return np.stack([memory, np.ones(len(centres))], axis=1)
+    return np.stack([memory, np.ones(centres.shape)], axis=-1)
 
 
 def mean_in_band(corner: float, cutoff: float) -> tuple[float, float]:

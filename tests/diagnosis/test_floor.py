@@ -1,11 +1,13 @@
 """The noise floor of a diagnosis: slow noise of drives raises it, a missing effect does not; and the fit's weights."""
 
+from dataclasses import replace
 from functools import cache
 
 import numpy as np
 import pytest
 from scipy.signal import lfilter
 
+from frischid.core.types import Array
 from frischid.diagnosis.cross_validation import CrossValidator
 from frischid.diagnosis.diagnosis import diagnose
 from frischid.diagnosis.floor import Floor, error_of
@@ -96,6 +98,19 @@ def test_a_missing_effect_is_no_noise(memory):
     v = validator(logs_of(memory, "joint_spring@joint2"))
     error = error_of(v)[1]
     assert Floor.of(v).under(v, ())[1] < 0.4 * error
+
+
+@pytest.mark.parametrize("memory", [0.01, 0.03, 0.1])
+def test_a_step_of_the_torque_beside_slow_noise_is_no_noise(memory):
+    """The slowest noise with the residual's variance would be the whole residual, but not octave by octave."""
+    logs = tuple(replace(log, tau=log.tau + _step(log)) for log in logs_of(memory))
+    v = validator(logs)
+    assert (Floor.of(v).under(v, ()) < 0.5 * error_of(v)).all()
+
+
+def _step(log: Log) -> Array:
+    """A torque whose zero moves in the middle of a log, by a tenth of each joint's torque (std)."""
+    return 0.05 * log.tau.std(axis=0) * np.where(log.t > log.t.mean(), 1.0, -1.0)[:, None]
 
 
 def test_a_prior_that_is_wrong_does_not_make_the_logs_count_for_nothing():
