@@ -21,6 +21,7 @@ from frischid.diagnosis.criteria import DIAGNOSIS_CRITERIA, DiagnosisCriteria
 from frischid.diagnosis.findings import Finding
 from frischid.diagnosis.refit import Refit, check_formulas, known_error, refitted
 from frischid.diagnosis.roles import decided_situation
+from frischid.diagnosis.scored_candidate import as_a_change
 from frischid.diagnosis.situation import Situation, SituationOption, check_situation
 from frischid.diagnosis.step import Step
 from frischid.effects import Effect, check_effects, columns_of
@@ -57,7 +58,7 @@ def add(
     ----------
     model : Model
     effects : sequence of Effect
-        Effects to add.
+        Effects to add. Where the robot changed, one that the model has is added as a change of itself.
     logs : sequence of Log, Recording or data frame, or one data frame
         Data to fit; the error is cross-validated on them.
     valid : sequence of Log, Recording or data frame, or one data frame
@@ -114,6 +115,9 @@ def add(
     if situation == "auto":
         progress("what changed since the model was identified (1 of 3)")
         situation = decided_situation(model, logs, criteria=criteria, valid=valid).situation
+    if situation == "changed":
+        present = {column.name for column in columns_of(model.robot, model.effects)}
+        effects = [as_a_change(effect, present, model.robot) for effect in effects]
     progress("fitting with the effect (2 of 3)")
     step = trial(model, effects, logs, situation, finding, criteria).step()
     progress("the error before and after (3 of 3)")

@@ -18,13 +18,13 @@ import numpy as np
 from numpy.typing import NDArray
 from scipy import special
 
-from frischid.core.text import about, listed
+from frischid.core.text import listed
 from frischid.core.types import Array
 from frischid.diagnosis.change_prior import weak_urdf_prior
 from frischid.diagnosis.criteria import DiagnosisCriteria
 from frischid.diagnosis.cross_validation import CrossValidator
 from frischid.diagnosis.effect_ranking import Ranking, ScoredEffect, ranking
-from frischid.diagnosis.findings import OLD_PARAMETERS, Finding, joints_of, shape_of
+from frischid.diagnosis.findings import OLD_PARAMETERS, Finding, joints_of, said_of, shape_of
 from frischid.diagnosis.floor import Floor
 from frischid.diagnosis.healthy_twin import HealthyTwin
 from frischid.diagnosis.reversal_residuals import absent_in_motion, only_at_reversals
@@ -90,7 +90,7 @@ def _finding(
         for n, place in enumerate(effect.places, 1)
         for k, v in shape_of(place.effect).items()
     }
-    said = about(joints, effect.kind.sentence)
+    said = said_of(members)
     if effect.elsewhere:
         said += f". On {listed(effect.elsewhere, 'or')} instead, the same effect explains these logs nearly as well"
     return Finding(

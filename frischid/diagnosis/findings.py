@@ -266,8 +266,19 @@ def with_members(finding: Finding, members: Sequence[Effect], robot: Robot) -> F
         members=tuple(members),
         joints=joints,
         parameters={name: x for name, x in finding.parameters.items() if name in kept},
-        sentence=about(joints, type(members[0]).sentence),
+        sentence=said_of(members),
     )
+
+
+def said_of(members: Sequence[Effect]) -> str:
+    """What is wrong, in a sentence: that of the effects' class, and where the effect was there before."""
+    said = about(joints_of(members), type(members[0]).sentence)
+    same = [e for e in members if type(e) is type(members[0])]
+    known = [e for e in same if e.changed]
+    if not known:
+        return said
+    before = f"{listed(joints_of(known))}: this" if len(known) < len(same) else "This"
+    return f"{said}. {before} effect was there before, and has changed"
 
 
 def joints_of(members: Sequence[Effect]) -> tuple[str, ...]:

@@ -17,7 +17,7 @@ from __future__ import annotations
 
 import itertools
 from collections.abc import Callable, Sequence, Set
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from typing import Protocol, runtime_checkable
 
 import numpy as np
@@ -27,8 +27,10 @@ from frischid.diagnosis.block_test import block_test
 from frischid.diagnosis.candidate_columns import Candidate
 from frischid.diagnosis.candidate_fits import Score
 from frischid.diagnosis.cross_validation import CrossValidator
-from frischid.effects import EFFECTS, Coulomb, Effect
+from frischid.effects import BASELINE, EFFECTS, Coulomb, Effect
 from frischid.robot.robot import Robot
+
+_OF_EVERY_MODEL = tuple(type(effect) for effect in BASELINE)  # their changes are effects of their own
 
 
 @runtime_checkable
@@ -152,8 +154,9 @@ def usable_candidates(
     A shape that these motions cannot show is left out. So is a coupling of joints where the torque of one is not known:
     half of a coupling is a torque that follows another joint's motion, whatever its cause. Errors of a recorded torque
     are no candidates where the torque was computed from commands. Nor is an effect that differs from one of the model
-    only at standstill: whatever it explains there, dry friction may cause. Where the robot changed, the coefficient of
-    the model is that from before, and such an effect may come beside changes of old parameters (`after_change`).
+    only at standstill: whatever it explains there, dry friction may cause. Where the robot changed, the coefficients of
+    the model are those from before. So an effect of the model is tried again as a change of itself (`Effect.changed`),
+    and an effect may come beside changes of old parameters (`after_change`).
 
     All places are handled at once, because each call goes through all motions.
 
@@ -176,14 +179,25 @@ def usable_candidates(
             return False
         if len(effect.joints or ()) > 1 and not fitted.issuperset(effect.joints or ()):
             return False
-        return measured.issuperset(effect.channels(robot)) and not any(
-            column.name in present for column in effect.columns(robot)
-        )
+        return measured.issuperset(effect.channels(robot)) and not has_names(effect, present, robot)
 
-    smoothed = ([with_model_width(effect, validator.model.effects) for effect in shapes] for shapes in places)
+    smoothed = [[with_model_width(effect, validator.model.effects) for effect in shapes] for shapes in places]
+    if changed:
+        smoothed = [[as_a_change(effect, present, robot) for effect in shapes] for shapes in smoothed]
     kept = validator.screened([[effect for effect in shapes if fresh(effect)] for shapes in smoothed])
     found = iter(validator.candidates([effect for effects in kept for effect in effects], progress))
     return [[c for c in itertools.islice(found, len(effects)) if c.columns and c.finite] for effects in kept]
+
+
+def has_names(effect: Effect, present: Set[str], robot: Robot) -> bool:
+    """Whether some columns of an effect have the names of columns that are there already."""
+    return not present.isdisjoint(column.name for column in effect.columns(robot))
+
+
+def as_a_change(effect: Effect, present: Set[str], robot: Robot) -> Effect:
+    """An effect, or the change of it where a model whose columns have some names has the effect already."""
+    known = has_names(effect, present, robot) and not isinstance(effect, _OF_EVERY_MODEL)
+    return replace(effect, changed=True) if known else effect
 
 
 def known_in_motion(effect: Effect, present: Set[str], robot: Robot) -> bool:

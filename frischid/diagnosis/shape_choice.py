@@ -59,7 +59,7 @@ def searched(
             chosen.append(with_model_width(effect, model.effects))
             continue
         validator, _ = cross_validator(model, logs, taken)
-        usable = usable_candidates(validator, alternatives, changed=not alone)
+        usable = usable_candidates(validator, alternatives, changed=taken == "changed")
         usable = usable if alone else with_old_parameters(validator, usable)
         best = [found for shapes in usable if shapes and (found := scored(validator, shapes)) is not None]
         chosen += [e for found in best for e in refined(validator, found).candidate.effects]

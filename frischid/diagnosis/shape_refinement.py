@@ -9,6 +9,8 @@ Source: Kolda, Lewis and Torczon 2003, "Optimization by direct search", SIAM Rev
 from __future__ import annotations
 
 from collections.abc import Sequence
+from dataclasses import replace
+from typing import Any
 
 from frischid.diagnosis.after_change import with_old_parameters
 from frischid.diagnosis.cross_validation import CrossValidator
@@ -67,11 +69,9 @@ def _beside(effect: Effect, name: str, step: float) -> list[Effect]:
     """
     now, grid = float(effect.parameters[name]), effect.shapes[name]
     moved = (_rounded(now - step), _rounded(now + step))
-    return [
-        type(effect)(joints=effect.joints, **effect.parameters | {name: x})
-        for x in moved
-        if min(grid) <= x <= max(grid) and (x * now > 0 or now == 0 <= x)
-    ]
+    kept = [x for x in moved if min(grid) <= x <= max(grid) and (x * now > 0 or now == 0 <= x)]
+    shapes: list[dict[str, Any]] = [{name: x} for x in kept]
+    return [replace(effect, **shape) for shape in shapes]
 
 
 def _rounded(x: float) -> float:

@@ -134,6 +134,9 @@ class Effect(ABC):
     `frischid.export.code_columns`); empty where the class states no column."""
 
     joints: tuple[str, ...] | None = None
+    changed: bool = dataclasses.field(default=False, kw_only=True)
+    """Whether this effect is what came to one of its kind that the model has, when the robot changed. The names of its
+    coefficients begin with d, and the coefficients have no known sign."""
 
     def __init_subclass__(cls, **kwargs: Any) -> None:
         super().__init_subclass__(**kwargs)
@@ -182,7 +185,8 @@ class Effect(ABC):
     def variants(cls, joints: tuple[str, ...] | None) -> list[Self]:
         """One effect for every combination of the shape parameters' values."""
         combinations = itertools.product(*cls.shapes.values())
-        return [cls(joints=joints, **dict(zip(cls.shapes, values, strict=True))) for values in combinations]
+        shapes: list[dict[str, Any]] = [dict(zip(cls.shapes, values, strict=True)) for values in combinations]
+        return [cls(joints=joints, **values) for values in shapes]
 
     @classmethod
     def candidates(cls, robot: Robot) -> list[list[Self]]:
@@ -230,6 +234,8 @@ class Effect(ABC):
 
     def column(self, symbol: str, unit: str, joint: str, number: str, sign: Sign = 0) -> Column:
         """Build a column ``symbol + number`` that belongs to this effect."""
+        if self.changed:
+            symbol, sign = f"d{symbol}", 0
         return Column(f"{symbol}{number}", unit, joint, self.id, sign)
 
     def per_joint(
@@ -264,7 +270,8 @@ class Effect(ABC):
     @property
     def parameters(self) -> dict[str, float | bool | str]:
         """Shape parameters of this effect (stated, not identified)."""
-        return {f.name: getattr(self, f.name) for f in dataclasses.fields(self) if f.name != "joints"}
+        names = (f.name for f in dataclasses.fields(self) if f.name not in {"joints", "changed"})
+        return {name: getattr(self, name) for name in names}
 
     def unit(self, parameter: str, robot: Robot | None = None) -> str:
         """Unit of a shape parameter on a robot's joints (None: on turning and sliding ones); empty for a number."""
@@ -277,10 +284,12 @@ class Effect(ABC):
         package = EFFECTS.package(type(self))
         origin = {} if package is None else {"package": package.to_dict()}
         joints = None if self.joints is None else list(self.joints)
-        return {"effect": self.id, "joints": joints, **self.parameters, **origin}
+        changed = {"changed": True} if self.changed else {}
+        return {"effect": self.id, "joints": joints, **self.parameters, **changed, **origin}
 
     def __str__(self) -> str:
-        inner = ", ".join(f"{k}={_written(v)}" for k, v in self.parameters.items())
+        stated = self.parameters | ({"changed": True} if self.changed else {})
+        inner = ", ".join(f"{k}={_written(v)}" for k, v in stated.items())
         where = "" if self.joints is None else "@" + "+".join(self.joints)
         return f"{self.id}{f'({inner})' if inner else ''}{where}"
 

@@ -136,7 +136,7 @@ def _check_field(kind: type[Any], base: type[Any], field: str) -> None:
 
 def _check_shapes(kind: type[Any]) -> None:
     """Check that shapes and units name fields, and that the values to try are ascending numbers."""
-    fields = {f for base in kind.__mro__ for f in own_fields(base)} - {"joints"}
+    fields = {f for base in kind.__mro__ for f in own_fields(base)} - {"joints", "changed"}
     for key in ("shapes", "units"):
         given = getattr(kind, key)
         if not isinstance(given, Mapping):

@@ -78,7 +78,7 @@ def parse_effects(text: str, *, complete: bool = False) -> tuple[Effect, ...]:
                 f"in place of the comma: {before}+{item}"
             )
     effects = [_parse_one(item, complete) for item in items]
-    if len({(e.id, e.joints, str(e) if e.several else "") for e in effects}) < len(effects):
+    if len({(e.id, e.joints, e.changed, str(e) if e.several else "") for e in effects}) < len(effects):
         raise InputError(f"effects '{text}': the same effect is named twice for the same joints")
     return tuple(effects)
 

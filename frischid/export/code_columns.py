@@ -164,6 +164,8 @@ class _Writer:
         """Columns of one effect; none of an effect of the controller, which is no torque of the robot."""
         if effect.of_controller:
             return []
+        if effect.changed:
+            raise NoCodeError(f"{effect} describes a change of the robot; identify the robot again, without the change")
         write = _WRITERS.get(type(effect), _Writer._plain)
         return write(self, effect)
 

@@ -139,7 +139,7 @@ def reach_of(model: Model) -> tuple[Reach, ...]:
 ('URDF', ('hysteresis(distance=0.006, width=0.005)',), ())]
     """
     fitted = {parameter.effect for parameter in model.parameters}
-    changes = tuple(str(effect) for effect in model.effects if effect.change and effect.id in fitted)
+    changes = tuple(str(e) for e in model.effects if (e.change or e.changed) and e.id in fitted)
     if changes and describes_change(model):
         return tuple(Reach(name, refused=changes) for name in ("code", "MJCF", "URDF"))
     return (

@@ -24,6 +24,7 @@ from frischid.logs.log import Log
 from frischid.logs.readers import read_log, write_log
 from frischid.model.headline import headline
 from frischid.model.identification import identify
+from frischid.model.model import Model
 from frischid.model.own_logs import own_logs
 from frischid.motions.simulation import Noise, simulate
 from frischid.motions.trajectory import random_fourier
@@ -312,3 +313,45 @@ def test_viscous_friction_of_one_direction_that_the_model_has_may_have_changed()
     later = log_of(4, "asymmetric_viscous@joint2", 0.5, fva2=0.9, fv2=0.9)
     found = diagnose_in_roles(model, [later], situation="changed")
     assert "asymmetric_coulomb" not in {f.effect for f in found.findings}
+
+
+KNOWN = {
+    "joint_spring": ("joint_spring@joint2", {"ks2": 2.0}, {"ks2": 1.4}),
+    "load_friction": ("load_friction@joint2", {"fl2": 0.1}, {"fl2": 0.2}),
+    "hysteresis": ("hysteresis(distance=0.05)@joint2", {"fh2": 0.5}, {"fh2": 1.0}),
+}
+"""An effect that a robot has, its coefficient when the model is identified, and later."""
+
+
+@pytest.mark.parametrize("in_model", [True, False], ids=["in the model", "shown by its logs"])
+@pytest.mark.parametrize("name", KNOWN)
+def test_an_effect_that_was_there_before_may_change(tmp_path, name, in_model):
+    """Such an effect was no candidate: hysteresis that grew on a joint that had some was a drive gain."""
+    effect, before, later = KNOWN[name]
+    for seed in (1, 2):
+        write_log(log_of(seed, effect, 0.5, **before), tmp_path / f"log{seed}.parquet")
+    own = [read_log(tmp_path / f"log{seed}.parquet", PLANAR2.joints) for seed in (1, 2)]
+    effects = (*BASELINE, *parse_effects(effect if in_model else ""))
+    model = identify(PLANAR2, own, recursion="none", effects=effects).model
+    logs = [log_of(seed, effect, 0.5, **later) for seed in (3, 4)]
+    found = diagnose_in_roles(model, logs, situation="changed")
+    first = found.findings[0]
+    assert (first.effect, first.joints) == (name, ("joint2",))
+    assert first.probability > 0.8
+    assert first.members[0].changed
+    assert first.sentence.endswith("This effect was there before, and has changed")
+    coefficient = next(iter(before))
+    assert first.parameters[f"d{coefficient}"] == pytest.approx(later[coefficient] - before[coefficient], rel=0.1)
+    if not in_model:
+        return
+    again = fr.add(model, first.members, logs, situation="changed")
+    steps, last = improve(model, logs, situation="changed")
+    for step in (again, *steps):
+        assert step.error_after < 0.3 * step.error_before
+    assert last.verdict == "none"
+    named = searched(model, parse_effects(f"{name}@joint2"), f"{name}@joint2", logs, "changed")
+    assert {(e.id, e.changed) for e in named} == {(e.id, e.changed) for e in first.members}, (
+        "frischid add does the same"
+    )
+    steps[0].model.save(tmp_path / "changed.json")
+    assert Model.load(tmp_path / "changed.json").effects == steps[0].model.effects

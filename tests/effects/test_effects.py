@@ -134,6 +134,24 @@ def test_columns_are_the_same_with_and_without_samples(name, kind):
 
 
 @every_effect
+@every_robot
+def test_a_change_of_an_effect_has_the_same_columns_under_names_of_its_own(name, kind):
+    machine = robot(name)
+    q, v, a = states(machine, 7)
+    load = machine.inverse_dynamics(q, v, a)
+    state = State(machine, 0.1 * np.arange(7), q, v, a, load, load, extra=commands_of(machine, q))
+    effect = next((shapes[0] for shapes in kind.candidates(machine)), kind())
+    change = replace(effect, changed=True)
+    assert parse_effects(str(change)) == (change,)
+    assert effect_from_dict(change.to_dict()) == change != effect
+    assert change.parameters == effect.parameters
+    for one, other in zip(effect.terms(state), change.terms(state), strict=True):
+        assert other.column == replace(one.column, name=f"d{one.column.name}", sign=0)
+        assert one.rows.keys() == other.rows.keys()
+        assert all((one.rows[row] == other.rows[row]).all() for row in one.rows)
+
+
+@every_effect
 def test_what_comes_with_an_effect_after_a_change_is_a_change(kind):
     assert all(EFFECTS[name].change for name in kind.after_change)
     assert not kind.change or not kind.after_change
