@@ -46,8 +46,10 @@ class ResidualSpectrum:
         joints = list(full.data.motions_of(row))
         longest = max(x.motion.step * x.motion.raw for x in joints)
         octaves = max(1, int(np.ceil(np.log2(max(2 * cutoff * longest, 2.0)))))
-        sums, rows = np.zeros((3, octaves * _CELLS)), 0
+        sums, rows = np.zeros((3, octaves * _CELLS)), sum(map(len, joints))
         for joint, residual in zip(joints, full.residuals(row, full.theta), strict=True):
+            if not len(residual):
+                continue
             n, step = joint.motion.t.shape[0], joint.motion.step
             apart = lowpass.decimation(step)
             filled = np.zeros(n)
@@ -62,16 +64,16 @@ class ResidualSpectrum:
                 np.full(len(f), 2 * len(residual) / n),
             )
             sums += [np.bincount(cell[below], x[below], minlength=sums.shape[1]) for x in parts]
-            rows += len(residual)
         power, passed, squares = sums.reshape(3, octaves, _CELLS)
+        power, passed = power / max(rows, 1), passed / max(rows, 1)
         found = squares.sum(axis=1)
         slower = np.append(np.cumsum(found[::-1])[::-1], 0.0)
         left = np.clip(slower[:-1] - full.fit.determined[row], 0.0, found)
         says = left > 0
         middles = cutoff * 2.0 ** (-(np.arange(octaves * _CELLS) + 0.5) / _CELLS).reshape(octaves, _CELLS)
         unfitted = np.divide(found, left, out=np.ones(octaves), where=says)
-        total = np.maximum(power.sum(axis=1) / rows * unfitted, 1e-300)
-        return cls(middles[says], passed[says] / rows, total[says], left[says])
+        total = np.maximum(power.sum(axis=1) * unfitted, 1e-300)
+        return cls(middles[says], passed[says], total[says], left[says])
 
     def integrated(self, spectrum: Array) -> Array:
         """Variance in each octave, (O,), of noise that the filter passes and whose power for each Hz is (O, C)."""
