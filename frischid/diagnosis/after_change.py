@@ -15,8 +15,7 @@ is the effect tried where both changes together predict as well as with the effe
 Dry friction that changed in one direction only is in motion an offset and a dry friction that changed by the same size
 at once: fca |sign q̇| + Δfc sign q̇ with Δfc = ±fca. So direction-dependent dry friction is tried beside a change of
 friction. Where the model has an offset, the effect is tried only so, and only where one direction alone explains nearly
-as much. Otherwise an offset changed, or friction, or both. Nor is it tried where direction-dependent viscous friction
-that the model has predicts better with another coefficient.
+as much. Otherwise an offset changed, or friction, or both.
 
 Where friction or rotor inertia of one joint changed, a motor that turns with two joints explains the change as well,
 with a ratio near zero. So a coupling is tried only where it predicts better than such changes of each joint alone.
@@ -85,21 +84,9 @@ def _beside(
     if best is None or best.explained - known <= least:
         return []
     if old:
-        if _another_changed(validator, best.candidate, more):
-            return []
         one = [scored(validator, [_in_one_direction(validator, best.candidate, sign)]) for sign in (1.0, -1.0)]
         return wide if best.explained - max((x.explained for x in one if x is not None), default=0.0) <= least else []
     return wide
-
-
-def _another_changed(validator: CrossValidator, found: Candidate, more: Sequence[Candidate]) -> bool:
-    """Whether a similar effect that the model has predicts better than one it lacks, if its coefficient changed too."""
-    kind, present = type(found.effect), {c.name for c in validator.data.cache.regressor.columns}
-    similar = [EFFECTS[name](joints=found.effect.joints) for name in kind.confused_with if name != kind.same_in_motion]
-    known = [x for x in similar if present.issuperset(c.name for c in x.columns(validator.model.robot))]
-    rivals = [validator.joined([x, *more]) for x in validator.candidates(known) if x.columns and x.finite]
-    best = scored(validator, [found, *rivals])
-    return best is not None and best.candidate is not found
 
 
 def _each_joint_alone(validator: CrossValidator, shapes: Sequence[Candidate]) -> bool:

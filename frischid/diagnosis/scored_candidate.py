@@ -27,10 +27,10 @@ from frischid.diagnosis.block_test import block_test
 from frischid.diagnosis.candidate_columns import Candidate
 from frischid.diagnosis.candidate_fits import Score
 from frischid.diagnosis.cross_validation import CrossValidator
-from frischid.effects import BASELINE, EFFECTS, Coulomb, Effect
+from frischid.effects import EFFECTS, Coulomb, Effect, Offset, Viscous
 from frischid.robot.robot import Robot
 
-_OF_EVERY_MODEL = tuple(type(effect) for effect in BASELINE)  # their changes are effects of their own
+_CHANGES_HAVE_NAMES = (Viscous, Coulomb, Offset)  # friction_change and offset_change
 
 
 @runtime_checkable
@@ -196,7 +196,7 @@ def has_names(effect: Effect, present: Set[str], robot: Robot) -> bool:
 
 def as_a_change(effect: Effect, present: Set[str], robot: Robot) -> Effect:
     """An effect, or the change of it where a model whose columns have some names has the effect already."""
-    known = has_names(effect, present, robot) and not isinstance(effect, _OF_EVERY_MODEL)
+    known = has_names(effect, present, robot) and not isinstance(effect, _CHANGES_HAVE_NAMES)
     return replace(effect, changed=True) if known else effect
 
 

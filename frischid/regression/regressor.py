@@ -345,7 +345,10 @@ def usual_shares(robot: Robot, effects: Sequence[Effect]) -> Array:
 
 
 def nominal_parameters(robot: Robot, effects: Sequence[Effect]) -> Array:
-    """The URDF's own value of every column of the regressor: inertials, damping and friction; zero elsewhere."""
+    """The URDF's own value of every column of the regressor: inertials, damping and friction; zero elsewhere.
+
+    The URDF says nothing of a change.
+    """
     values = dict(zip(robot.all_names, robot.nominal, strict=True))
     rigid = [values[c.name] for c in robot.columns]
-    return np.array(rigid + [x for effect in effects for x in effect.nominal(robot)])
+    return np.array(rigid + [0.0 if effect.changed else x for effect in effects for x in effect.nominal(robot)])
