@@ -10,12 +10,16 @@ and above the band of the motion, between reversals, there is nothing but noise.
 
     slow_j² = 2 h ∫ S_j df = 2 h (W_j f_c + L_j f₀ arctan(f_c/f₀)),
 
-with h the step of the samples: the larger, the slower. The residual limits f₀, because a joint's residual contains its
-noise. With H the filter, and P_jo the power of the residual in octave o of the band, noise of this spectrum has there
+with h the step of the samples: the larger, the slower. An error of L is large at low frequencies. So L counts only
+where the octaves' likelihood with it is higher than with white noise alone, by more than the price of a parameter,
+½ log n (Schwarz 1978, Ann. Statist. 6(2)).
+
+The residual limits f₀, because a joint's residual contains its noise. With H the filter, and P_jo the power of the
+residual in octave o of the band, noise of this spectrum has there
 
     E_jo = 2 h ∫_o |H|² S_j df,    x_jo = E_jo / P_jo.
 
-It is above 1 only by chance. P_jo is a sum of n_jo independent squares (`residual_spectrum`). So such noise costs the
+A ratio x_jo above 1 is chance. P_jo is a sum of n_jo independent squares (`residual_spectrum`). So such noise costs the
 log likelihood
 
     D = ½ Σ_{x_jo > 1} n_jo (log x_jo + 1/x_jo − 1).
@@ -67,9 +71,7 @@ def slow_noise(octaves: Sequence[Octaves], full: CrossValidator) -> Array:
     samples = np.array([x.samples for x in usable])
     weights, step = samples / samples.sum(), float(samples @ [x.step for x in usable] / samples.sum())
     for corner in _CORNERS.tolist():
-        spectra = [spectra_of_noise(x.centres, corner, x.step) for x in usable]
-        shares = [shares_of_noise(y, np.maximum(x.powers, 1e-300)) for x, y in zip(usable, spectra, strict=True)]
-        mean = np.tensordot(weights, np.array(shares), 1)
+        mean = np.tensordot(weights, _shares(usable, corner), 1)
         noise = [
             2 * step * x.integrated(spectra_of_noise(x.centres, corner, step) @ y)
             for x, y in zip(residuals, mean, strict=True)
@@ -78,6 +80,28 @@ def slow_noise(octaves: Sequence[Octaves], full: CrossValidator) -> Array:
         if lost <= sum(len(x.powers) for x in residuals) / 4:
             return np.asarray(np.sqrt(2 * step * cutoff * (mean @ mean_in_band(corner, cutoff))))
     return np.zeros(len(full.joints))
+
+
+def _shares(octaves: Sequence[Octaves], corner: float) -> Array:
+    """Shares of noise with a memory and of white noise in the octaves of M motions, (M, J, 2).
+
+    A joint's noise has no memory where the memory does not pay for its parameter.
+    """
+    found, gain, squares = [], np.zeros(octaves[0].powers.shape[1]), np.zeros(octaves[0].powers.shape[1])
+    for x in octaves:
+        spectra, powers = spectra_of_noise(x.centres, corner, x.step), np.maximum(x.powers, 1e-300)
+        both, white = shares_of_noise(spectra, powers), np.zeros((powers.shape[1], 2))
+        white[:, 1:] = shares_of_noise(spectra[:, 1:], powers)
+        cost = [_cost(powers / (spectra @ y.T), x.independent) for y in (white, both)]
+        found.append((both, white))
+        gain, squares = gain + cost[0] - cost[1], squares + x.independent.sum(axis=0)
+    pays = gain > 0.5 * np.log(np.maximum(squares, 1.0))
+    return np.array([np.where(pays[:, None], both, white) for both, white in found])
+
+
+def _cost(ratio: Array, independent: Array) -> Array:
+    """Negative log likelihood of powers in octaves over the noise's, (K, J), above that of equal ones, (J,)."""
+    return np.asarray(0.5 * (independent * (ratio - 1 - np.log(ratio))).sum(axis=0))
 
 
 def _lost(ratio: Array, independent: Array) -> float:

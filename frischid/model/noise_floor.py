@@ -28,7 +28,7 @@ from typing import NamedTuple
 import numpy as np
 from scipy import optimize
 
-from frischid.core.bursts import robust_std
+from frischid.core.bursts import ROBUST_EFFICIENCY, robust_std
 from frischid.core.remembered import Remembered
 from frischid.core.types import Array
 from frischid.effects import Coulomb, columns_of
@@ -49,14 +49,16 @@ SIXTH_DIFFERENCE = np.array([1.0, -6.0, 15.0, -20.0, 15.0, -6.0, 1.0])
 class Octaves(NamedTuple):
     """Noise of a motion's torques above the filter's band.
 
-    ``samples`` of the motion, ``step`` between them (s), middles of the octaves ``centres`` (K,) in Hz, and variance of
-    white noise with the torques' power there, ``powers`` (K, J) in (N·m)² (N²).
+    ``samples`` of the motion, ``step`` between them (s), middles of the octaves ``centres`` (K,) in Hz, variance of
+    white noise with the torques' power there, ``powers`` (K, J) in (N·m)² (N²), and the number of independent squares
+    of which each power is the mean, ``independent`` (K, J).
     """
 
     samples: int
     step: float
     centres: Array
     powers: Array
+    independent: Array
 
 
 class NoiseFloor:
@@ -148,11 +150,11 @@ def octaves_above(x: Array, direction: Array, step: float, lowpass: LowPass) -> 
         Time between samples, s.
     """
     if lowpass.cutoff is None:
-        return Octaves(len(x), step, np.empty(0), np.empty((0, x.shape[1])))
+        return Octaves(len(x), step, np.empty(0), *np.empty((2, 0, x.shape[1])))
     lags = dict.fromkeys(max(1, round(0.25 / (2**k * lowpass.cutoff * step))) for k in range(CRITERIA.octaves))
     found = [(0.5 / (lag * step), power) for lag in lags if (power := _power(x, direction, step, lag)) is not None]
-    powers = np.array([power for _, power in found]).reshape(len(found), x.shape[1])
-    return Octaves(len(x), step, np.array([centre for centre, _ in found]), powers)
+    powers, independent = np.array([power for _, power in found]).reshape(len(found), 2, x.shape[1]).swapaxes(0, 1)
+    return Octaves(len(x), step, np.array([centre for centre, _ in found]), powers, independent)
 
 
 def torque_noise(x: Array, octaves: Octaves, lowpass: LowPass) -> Array:
@@ -166,8 +168,11 @@ def torque_noise(x: Array, octaves: Octaves, lowpass: LowPass) -> Array:
     return np.asarray(np.sqrt(_carried_on(octaves, lowpass.cutoff)))
 
 
-def _power(x: Array, direction: Array, step: float, lag: int) -> Array | None:
-    """Variance of white noise with the torques' power around 1 / (2 lag step), (J,); None: too few samples."""
+def _power(x: Array, direction: Array, step: float, lag: int) -> tuple[Array, Array] | None:
+    """Variance of white noise with the torques' power around 1 / (2 lag step), and how well it is known; both (J,).
+
+    The second is the number of independent squares with the same variance of their mean. None: too few samples.
+    """
     differences = np.zeros(6 * lag + 1)
     differences[::lag] = SIXTH_DIFFERENCE
     cutoff = CRITERIA.octave_top / (2 * lag * step)
@@ -180,7 +185,9 @@ def _power(x: Array, direction: Array, step: float, lag: int) -> Array | None:
     # A joint that always rests or reverses has no difference in one direction: then all differences count.
     kept = np.where(one_way.sum(axis=0) < len(both), True, one_way)
     spread = np.array([robust_std(y[here]) for y, here in zip(passed.T, kept.T, strict=True)])
-    return np.asarray(spread**2 / (both @ both))
+    energy = float(both @ both)
+    apart = energy**2 / float((np.convolve(both, both[::-1]) ** 2).sum())  # independent differences for each sample
+    return np.asarray(spread**2 / energy), np.asarray(ROBUST_EFFICIENCY * apart * kept.sum(axis=0))
 
 
 def spectra_of_noise(centres: Array, corner: float, step: float) -> Array:
