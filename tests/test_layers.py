@@ -1,6 +1,7 @@
 """The layer law: folders import folders above them, the numeric half knows no robot, and importing costs nothing."""
 
 import ast
+import re
 import subprocess
 import sys
 from functools import cache
@@ -157,6 +158,18 @@ def test_every_folder_says_what_it_is_for():
     for name in FOLDERS[1:]:
         text = ast.get_docstring(ast.parse((PACKAGE / name / "__init__.py").read_text(encoding="utf-8"))) or ""
         assert text.count(".") >= 3, f"frischid/{name}/__init__.py: say what comes in, what goes out, where to start"
+
+
+LARGE = 20
+"""Modules of a folder that needs a guide: nobody finds one module among so many by its name."""
+
+
+def test_the_guide_of_a_large_folder_names_its_modules():
+    for name in FOLDERS[1:]:
+        within_it = {m.split(".")[1] for m in modules() if m.startswith(f"{name}.") and m.count(".") == 1}
+        text = ast.get_docstring(ast.parse((PACKAGE / name / "__init__.py").read_text(encoding="utf-8"))) or ""
+        missing = sorted(within_it - set(re.findall(r"`(\w+)", text))) if len(within_it) >= LARGE else []
+        assert not missing, f"frischid/{name}/__init__.py: name these modules where they belong: {', '.join(missing)}"
 
 
 def test_no_module_name_stands_in_two_folders():
