@@ -102,7 +102,9 @@ def folder(module):
 
 
 def test_every_folder_has_a_place():
-    assert {folder(m) for m in modules()} == set(FOLDERS)
+    assert {folder(m) for m in modules()} == set(FOLDERS), (
+        "list a new folder in FOLDERS, below all that it imports, and in docs/architecture_picture.py"
+    )
 
 
 def test_no_arrow_upwards():
@@ -113,14 +115,16 @@ def test_no_arrow_upwards():
         for other in others
         if place[folder(other)] > place[folder(module)]
     ]
-    assert not upward
+    assert not upward, "a folder imports only folders above it in FOLDERS: move what is imported, or hand it over"
 
 
 def test_imports_have_no_circle():
     done = set()
 
     def visit(module, path):
-        assert module not in path, " -> ".join([*path, module])
+        assert module not in path, (
+            f"{' -> '.join([*path, module])} is a circle: move what both need into a module that imports neither"
+        )
         if module not in done:
             for other in sorted(within()[module]):
                 if not module.startswith(f"{other}."):  # a package is imported with its modules
@@ -132,7 +136,8 @@ def test_imports_have_no_circle():
 
 
 def test_the_package_itself_is_not_imported_within():
-    assert not [m for m, names in imports().items() if "frischid" in names]
+    found = [m for m, names in imports().items() if "frischid" in names]
+    assert not found, "import a name from the module that defines it: `import frischid` loads the table of all names"
 
 
 @pytest.mark.parametrize("module", NUMERIC)
@@ -143,7 +148,8 @@ def test_numeric_half_knows_no_robot(module):
         if here not in seen:
             seen.add(here)
             todo += within()[here]
-    assert not {name for name in seen if folder(name) in ROBOTICS or name == "regression.regressor"} - {"robot.inertia"}
+    robots = {name for name in seen if folder(name) in ROBOTICS or name == "regression.regressor"} - {"robot.inertia"}
+    assert not robots, f"{module} is of the numeric half (NUMERIC): give it moments or arrays, no robots or logs"
     for name in seen:
         roots = {full.split(".")[0] for full in imports()[name]}
         assert not roots & {"pinocchio", "plotly", "viser", "click", "rich"}, name
@@ -151,7 +157,8 @@ def test_numeric_half_knows_no_robot(module):
 
 def test_only_robot_and_geometry_know_pinocchio():
     knows = {m for m, names in imports().items() if any(n.split(".")[0] == "pinocchio" for n in names)}
-    assert {folder(m) for m in knows} <= {"robot", "effects", "regression", "motions", "export", "studio"}, knows
+    wrong = {m for m in knows if folder(m) not in {"robot", "effects", "regression", "motions", "export", "studio"}}
+    assert not wrong, "ask `Robot` for what Pinocchio computes; a new quantity is a method there"
 
 
 def test_every_folder_says_what_it_is_for():
@@ -177,7 +184,8 @@ def test_no_module_name_stands_in_two_folders():
     for module in modules():
         if folder(module) not in ("cli", "figures", "reports", "studio") and "." in module:
             stems.setdefault(module.split(".")[-1], []).append(module)
-    assert not {stem: found for stem, found in stems.items() if len(found) > 1}
+    twice = {stem: found for stem, found in stems.items() if len(found) > 1}
+    assert not twice, "texts name a module without its folder: rename one"
 
 
 HEAVY = ("pinocchio", "cvxpy", "plotly", "viser", "scipy", "numpy", "pyarrow", "rich", "dask", "proxsuite")
@@ -191,7 +199,7 @@ HEAVY = ("pinocchio", "cvxpy", "plotly", "viser", "scipy", "numpy", "pyarrow", "
 def test_starting_is_light(start):
     code = f"import sys\n{start}\nprint(*(m for m in {HEAVY!r} if m in sys.modules))"
     done = subprocess.run([sys.executable, "-c", code], capture_output=True, text=True, check=True)
-    assert done.stdout.strip() == ""
+    assert done.stdout.strip() == "", f"`{start}` loads these: import them in the functions that need them"
 
 
 TEXT_PAGES = sorted(p.stem for p in (PACKAGE / "cli" / "pages").glob("[a-z]*.py") if p.stem not in ("seeing", "paper"))
@@ -244,4 +252,5 @@ def test_the_name_of_a_constant_means_one_thing():
     for module, path in modules().items():
         for name in constants(path):
             found.setdefault(name, set()).add(module)
-    assert not {name: homes for name, homes in found.items() if len(homes) > 1}
+    twice = {name: homes for name, homes in found.items() if len(homes) > 1}
+    assert not twice, "import the constant if it means the same, otherwise rename one"

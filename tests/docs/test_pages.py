@@ -170,7 +170,7 @@ def test_every_command_is_in_the_table_and_on_the_page():
     lines = "".join(script("hooks").command_lines())
     assert all(f"## frischid {name}\n" in lines for name in main.commands)
     table = re.findall(r"^\| `frischid (\w+)", text_of(DOCS / "reference" / "cli.md"), flags=re.MULTILINE)
-    assert set(table) == set(main.commands)
+    assert set(table) == set(main.commands), "a command needs a row in the table of docs/reference/cli.md"
 
 
 def test_every_public_name_is_in_the_reference():
