@@ -8,14 +8,8 @@ simulated benchmark, along the measured motion) is added to the measured torque,
   diagnose` does: the model's own logs are files, and are found again. Other friction and another torque offset are
   planted here alone, because a model of all logs has them.
 
-Without a planted effect, the first finding is an effect of the robot itself. A planted effect counts as named when it
-is the first finding, or the second after that own one. The answer is the most probable hypothesis; it counts as right
-when it is the planted effect or the robot's own first finding, because both are there. Gears are left out, because they
-need a motion of their own. In the situation *always*, a payload, a tilt, a gain and a delay are left out too, because
-the model absorbs them.
-
-The calibration error of few answers is large even where every probability is right. So it stands beside the one that
-chance alone gives to as many answers with these probabilities.
+`planted_answers` says which answers are right. Gears are left out, because they need a motion of their own. In the
+situation *always*, a payload, a tilt, a gain and a delay are left out too, because the model absorbs them.
 
 `--rows FILE` writes each case as soon as it is done, with the evidence of its hypotheses, and reads the cases that are
 done already. `--minutes` ends the run when the time is over: the cases are in a random order, so a run cut short is a
@@ -39,7 +33,7 @@ from tempfile import TemporaryDirectory
 from typing import Any
 
 import numpy as np
-from calibration import calibration_error, reliability
+from calibration import reliability
 from common import data_folder, parser, publish
 from hidden_cases import EFFECTS
 from hidden_parts import CHANNELS, GEARS, LEAST_VISIBLE, TRIES, Baseline, acting
@@ -47,6 +41,7 @@ from hidden_physics import STEP, Array, Drive, World, direction, rms, rnea
 from hidden_physics import Path as Motion
 from hidden_shapes import SHAPES, SMALL, Hidden
 from hidden_unknown import UNKNOWN
+from planted_answers import by_chance, case_of, counted, in_words, judged, judged_alone, said
 from real_robots import CASES, Case
 from scipy.signal import butter, sosfiltfilt
 
@@ -82,8 +77,6 @@ def offset_change(rng: np.random.Generator, fit: World, j: int) -> Hidden:
 PARAMETERS = {"friction_change": friction_change, "offset_change": offset_change}
 """Changes of parameters that a model has."""
 SITUATIONS = {"always": [k for k in KINDS if k not in EFFECTS or k in SMALL], "changed": [*KINDS, *PARAMETERS]}
-DRAWS = 2000
-"""Sets of answers that are drawn for the calibration error by chance."""
 DELAY = 0.1
 """s of delay per unit of size."""
 
@@ -223,72 +216,6 @@ def read(case: Case, folder: Path, robot: fr.Robot, paths: Sequence[str]) -> lis
     return [fr.read_log(folder / path, robot.joints, case.mapping) for path in paths]
 
 
-def place(row: dict[str, Any], own: Sequence[str]) -> int | None:
-    """Number of findings before the true one, the robot's own findings left out; None where the truth is not found."""
-    before = 0
-    for names in row["said"]:
-        if row["truth"] in names:
-            return before
-        before += names[0] not in own
-    return None
-
-
-def in_words(answers: Sequence[tuple[str, float, bool]]) -> str:
-    """How many of the answers are right, beside what was stated."""
-    sure = [right for _, p, right in answers if p >= 0.9]
-    return (
-        f"{np.mean([right for *_, right in answers]):.0%} of the most probable answers are right, "
-        f"{np.mean([p for _, p, _ in answers]):.0%} were stated; {reliability('all', answers)[-1]['said'][5:]}; "
-        f"{sum(sure)} of {len(sure)} answers with a probability of 0.9 or more are right"
-    )
-
-
-def by_chance(answers: Sequence[tuple[str, float, bool]]) -> str:
-    """Calibration error of as many answers whose probabilities are exactly right: mean, and what 95 % stay below."""
-    rng, said = np.random.default_rng(0), np.array([p for _, p, _ in answers])
-    errors = [calibration_error(said, (rng.random(len(said)) < said).astype(float)) for _ in range(DRAWS)]
-    return (
-        f"{len(said)} answers whose probabilities are exactly right have a calibration error of {np.mean(errors):.3f} "
-        f"by chance (95 % of such sets stay below {np.quantile(errors, 0.95):.3f})"
-    )
-
-
-def judged(rows: Sequence[dict[str, Any]], rivals: bool = False) -> list[tuple[str, float, bool]]:
-    """Robot, stated probability of the answer, and whether the answer is right, of every case with a planted effect.
-
-    With `rivals`, effects that the rules cannot tell from the robot's own first finding are right too: the robot has
-    one of them, and a small difference decides which of them comes first.
-    """
-    most = None if rivals else 1
-    own = {case_of(r): names[:most] for r in rows if r["kind"] == "none" for names in r["said"][:1]}
-    found = []
-    for row in rows:
-        truth = "outside" if row["truth"] == "unknown" else row["truth"]
-        right = {truth, *own.get(case_of(row), ())}
-        if row["kind"] != "none":
-            found.append((row["robot"], row["probability"], row["answer"] in right))
-    return found
-
-
-def judged_alone(rows: Sequence[dict[str, Any]]) -> list[tuple[str, float, bool]]:
-    """As `judged`, with the planted effect alone as right, and without the answers that stand there without it as well.
-
-    Nobody knows whether those are right: the robot's own effects have not been measured in another way.
-    """
-    own = {(*case_of(row), row["answer"]) for row in rows if row["kind"] == "none"}
-    found = []
-    for row in rows:
-        right = row["answer"] == ("outside" if row["truth"] == "unknown" else row["truth"])
-        if row["kind"] != "none" and (right or (*case_of(row), row["answer"]) not in own):
-            found.append((row["robot"], row["probability"], right))
-    return found
-
-
-def case_of(row: dict[str, Any]) -> tuple[str, str]:
-    """Robot and situation, which decide the robot's own findings."""
-    return row["robot"], row["situation"]
-
-
 def collected(jobs: Sequence[Job], path: Path | None, workers: int, minutes: float) -> list[dict[str, Any]]:
     """Rows of the jobs in their order, of a file and of new runs; jobs that start after `minutes` are left out."""
     end = time.monotonic() + 60 * minutes
@@ -330,35 +257,11 @@ def main() -> None:
     order = np.random.default_rng(chosen.seed[0]).permutation(len(jobs))
     jobs = sorted((jobs[int(k)] for k in order), key=lambda job: job.kind != "none")  # the robots' own findings first
     rows = collected(jobs, chosen.rows, chosen.workers, chosen.minutes)
-    table, total = [], []
-    for case in (case for case in CASES if any(r["robot"] == case.name for r in rows)):
-        for situation in SITUATIONS:
-            here = [r for r in rows if r["robot"] == case.name and r["situation"] == situation]
-            clean = next(r for r in here if r["kind"] == "none")
-            own = [names[0] for names in clean["said"][:1]]
-            effects = [r for r in here if r["truth"] not in {"none", "contact", "unknown"}]
-            events = [r for r in here if r["truth"] in {"contact", "unknown"}]
-            places = [place(r, []) for r in effects], [place(r, own) for r in effects]
-            table.append(
-                {
-                    "robot": case.name,
-                    "situation": situation,
-                    "of its own": own[0] if own else clean["verdict"],
-                    "effects": len(effects),
-                    "first": sum(p == 0 for p in places[0]),
-                    "first but for its own": sum(p == 0 for p in places[1]),
-                    "top three": sum(p is not None and p < 3 for p in places[0]),
-                    "contact, unknown": sum(r["verdict"] == r["truth"] for r in events),
-                    "of": len(events),
-                    "situation told": sum(r.get("assumed") == situation for r in here),
-                    "of all": len(here),
-                }
-            )
-            total += [
-                {"robot": case.name, "situation": situation, "planted": r["kind"], "where": r["planted"]}
-                | {"said": "; ".join("/".join(names) for names in r["said"][:3]) or r["verdict"]}
-                for r in here
-            ]
+    groups = {(case.name, situation): [] for case in CASES for situation in SITUATIONS}
+    for row in rows:
+        groups[case_of(row)].append(row)
+    groups = {of: here for of, here in groups.items() if here}
+    total = [said(row) for here in groups.values() for row in here]
     answers, alone, reliable = judged(rows), judged_alone(rows), list[dict[str, Any]]()
     notes = [
         f"seeds {', '.join(map(str, chosen.seed))}; {len(answers)} planted effects, terms and contacts",
@@ -369,6 +272,7 @@ def main() -> None:
         + in_words(alone),
         by_chance(alone),
     ]
+    table = [counted(here) for here in groups.values()]
     publish(f"effects of {chosen.size:.0%} planted in measured logs", table, chosen.json, notes)
     for name in [*dict.fromkeys(robot for robot, *_ in answers), "all"]:
         reliable += reliability(name, [x for x in answers if name in (x[0], "all")])

@@ -1,6 +1,7 @@
 """The layer law: folders import folders above them, the numeric half knows no robot, and importing costs nothing."""
 
 import ast
+import re
 import subprocess
 import sys
 from functools import cache
@@ -101,7 +102,9 @@ def folder(module):
 
 
 def test_every_folder_has_a_place():
-    assert {folder(m) for m in modules()} == set(FOLDERS)
+    assert {folder(m) for m in modules()} == set(FOLDERS), (
+        "list a new folder in FOLDERS, below all that it imports, and in docs/architecture_picture.py"
+    )
 
 
 def test_no_arrow_upwards():
@@ -112,14 +115,16 @@ def test_no_arrow_upwards():
         for other in others
         if place[folder(other)] > place[folder(module)]
     ]
-    assert not upward
+    assert not upward, "a folder imports only folders above it in FOLDERS: move what is imported, or hand it over"
 
 
 def test_imports_have_no_circle():
     done = set()
 
     def visit(module, path):
-        assert module not in path, " -> ".join([*path, module])
+        assert module not in path, (
+            f"{' -> '.join([*path, module])} is a circle: move what both need into a module that imports neither"
+        )
         if module not in done:
             for other in sorted(within()[module]):
                 if not module.startswith(f"{other}."):  # a package is imported with its modules
@@ -131,7 +136,8 @@ def test_imports_have_no_circle():
 
 
 def test_the_package_itself_is_not_imported_within():
-    assert not [m for m, names in imports().items() if "frischid" in names]
+    found = [m for m, names in imports().items() if "frischid" in names]
+    assert not found, "import a name from the module that defines it: `import frischid` loads the table of all names"
 
 
 @pytest.mark.parametrize("module", NUMERIC)
@@ -142,7 +148,8 @@ def test_numeric_half_knows_no_robot(module):
         if here not in seen:
             seen.add(here)
             todo += within()[here]
-    assert not {name for name in seen if folder(name) in ROBOTICS or name == "regression.regressor"} - {"robot.inertia"}
+    robots = {name for name in seen if folder(name) in ROBOTICS or name == "regression.regressor"} - {"robot.inertia"}
+    assert not robots, f"{module} is of the numeric half (NUMERIC): give it moments or arrays, no robots or logs"
     for name in seen:
         roots = {full.split(".")[0] for full in imports()[name]}
         assert not roots & {"pinocchio", "plotly", "viser", "click", "rich"}, name
@@ -150,7 +157,8 @@ def test_numeric_half_knows_no_robot(module):
 
 def test_only_robot_and_geometry_know_pinocchio():
     knows = {m for m, names in imports().items() if any(n.split(".")[0] == "pinocchio" for n in names)}
-    assert {folder(m) for m in knows} <= {"robot", "effects", "regression", "motions", "export", "studio"}, knows
+    wrong = {m for m in knows if folder(m) not in {"robot", "effects", "regression", "motions", "export", "studio"}}
+    assert not wrong, "ask `Robot` for what Pinocchio computes; a new quantity is a method there"
 
 
 def test_every_folder_says_what_it_is_for():
@@ -159,12 +167,25 @@ def test_every_folder_says_what_it_is_for():
         assert text.count(".") >= 3, f"frischid/{name}/__init__.py: say what comes in, what goes out, where to start"
 
 
+LARGE = 20
+"""Modules of a folder that needs a guide: nobody finds one module among so many by its name."""
+
+
+def test_the_guide_of_a_large_folder_names_its_modules():
+    for name in FOLDERS[1:]:
+        within_it = {m.split(".")[1] for m in modules() if m.startswith(f"{name}.") and m.count(".") == 1}
+        text = ast.get_docstring(ast.parse((PACKAGE / name / "__init__.py").read_text(encoding="utf-8"))) or ""
+        missing = sorted(within_it - set(re.findall(r"`(\w+)", text))) if len(within_it) >= LARGE else []
+        assert not missing, f"frischid/{name}/__init__.py: name these modules where they belong: {', '.join(missing)}"
+
+
 def test_no_module_name_stands_in_two_folders():
     stems = {}
     for module in modules():
         if folder(module) not in ("cli", "figures", "reports", "studio") and "." in module:
             stems.setdefault(module.split(".")[-1], []).append(module)
-    assert not {stem: found for stem, found in stems.items() if len(found) > 1}
+    twice = {stem: found for stem, found in stems.items() if len(found) > 1}
+    assert not twice, "texts name a module without its folder: rename one"
 
 
 HEAVY = ("pinocchio", "cvxpy", "plotly", "viser", "scipy", "numpy", "pyarrow", "rich", "dask", "proxsuite")
@@ -178,7 +199,7 @@ HEAVY = ("pinocchio", "cvxpy", "plotly", "viser", "scipy", "numpy", "pyarrow", "
 def test_starting_is_light(start):
     code = f"import sys\n{start}\nprint(*(m for m in {HEAVY!r} if m in sys.modules))"
     done = subprocess.run([sys.executable, "-c", code], capture_output=True, text=True, check=True)
-    assert done.stdout.strip() == ""
+    assert done.stdout.strip() == "", f"`{start}` loads these: import them in the functions that need them"
 
 
 TEXT_PAGES = sorted(p.stem for p in (PACKAGE / "cli" / "pages").glob("[a-z]*.py") if p.stem not in ("seeing", "paper"))
@@ -231,4 +252,5 @@ def test_the_name_of_a_constant_means_one_thing():
     for module, path in modules().items():
         for name in constants(path):
             found.setdefault(name, set()).add(module)
-    assert not {name: homes for name, homes in found.items() if len(homes) > 1}
+    twice = {name: homes for name, homes in found.items() if len(homes) > 1}
+    assert not twice, "import the constant if it means the same, otherwise rename one"

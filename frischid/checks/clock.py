@@ -57,8 +57,7 @@ def check_clock(log: Log, notes: Notebook, *, still: bool = False) -> None:
         notes.add(
             "repeated samples",
             f"{int(repeated.sum())} rows ({percent(repeated.mean(), 1)}) repeat the row before under a new stamp while "
-            "the robot "
-            "moves",
+            "the robot moves",
             (),
             "certain",
             "record each controller cycle once, or delete the repeats; derivatives of such positions are spikes",

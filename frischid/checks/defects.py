@@ -18,12 +18,12 @@ import numpy as np
 from frischid.checks.log_issue import LogReport, Notebook
 from frischid.core.text import counted
 from frischid.errors import InputError
+from frischid.logs.csv_files import CSV
 from frischid.logs.csv_layout import Layout, csv_layout, is_number
 from frischid.logs.layouts import layout_of
 from frischid.logs.log import GARBAGE
 from frischid.logs.mapping import LogMap
 from frischid.logs.mapping_rules import TICKS_PER_SECOND
-from frischid.logs.tables import CSV
 
 PLACES_NAMED = 6  # places of a file in one sentence
 

@@ -19,8 +19,9 @@ from numpy.typing import NDArray
 from frischid.checks.faults import Fault, Fix
 from frischid.checks.log_issue import Notebook, span
 from frischid.checks.position_faults import Moved, degree_faults
-from frischid.checks.row_fits import RowFits, local_fits
+from frischid.checks.row_fits import RowFits
 from frischid.checks.sketch import Sketch
+from frischid.checks.torque_faults import local_fits
 from frischid.logs.column_units import SPARE_SHARE, in_millimetres
 from frischid.logs.log import Log
 from frischid.robot.robot import Robot

@@ -9,8 +9,9 @@ e_URDF the error that URDFs have anyway: below it, a smaller error proves nothin
 places for it, or if numbers are fitted (Schwarz 1978). The probability of the best hypothesis against the runner-up is
 1 / (1 + exp(score₂ − score₁)).
 
-Faults of positions (`position_faults`) and of the robot (`robot_faults`) give other rigid torques. For each of them the
-best faults of single torques follow row by row (`row_fits`). Two such faults together are tried from the best ones.
+Faults of positions (`position_faults`) and of the robot (`robot_faults`) give other rigid torques. For each of them
+the best faults of single torques follow row by row (`torque_faults`). Two such faults together are tried from the best
+ones.
 
 A fault of one torque can hide a fault of the robot, and the reverse. So faults of the robot are also fitted beside each
 fault of a torque alone (`_alone`), and without each row in turn (`_without_one_row`). An answer is given only if no
@@ -37,8 +38,9 @@ from frischid.checks.other_links import evidence_of_other_links
 from frischid.checks.payload import LEAST_ERROR, evidence
 from frischid.checks.position_faults import JOINT_ZERO, joint_faults, merged, position_faults
 from frischid.checks.robot_faults import CARRIED_LOAD, robot_faults, shared_errors, shared_faults
-from frischid.checks.row_fits import RowFits, local_fits
+from frischid.checks.row_fits import RowFits
 from frischid.checks.sketch import Sketch
+from frischid.checks.torque_faults import local_fits
 from frischid.core.types import Array
 
 POSITION_KINDS = ("position sign", "swapped positions", "swapped joints", "joint zero", "degrees")

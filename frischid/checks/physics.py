@@ -119,8 +119,7 @@ def _unexplained(sketch: Sketch, free_errors: Callable[[Sketch], Array], notes: 
             names,
             "likely" if share < criteria.likely_wrong_share else "possible",
             "is it the URDF of the robot that was measured (model, hand, mounting: --base-rpy), and are the "
-            "current gains right? "
-            "Identification replaces the inertials, not the kinematics",
+            "current gains right? Identification replaces the inertials, not the kinematics",
         )
     else:
         notes.add(

@@ -109,7 +109,8 @@ def run_fleet(
     """Identify a fleet and print the result; also the work of `frischid identify --scheduler`."""
     from frischid.cli.pages import fleets as show
     from frischid.core.parallel import workers
-    from frischid.fleet.fleet import FleetOptions, identify_fleet
+    from frischid.fleet.fleet import identify_fleet
+    from frischid.fleet.fleet_options import FleetOptions
     from frischid.fleet.log_paths import find_logs
     from frischid.logs.mapping import LogMap
 

@@ -29,8 +29,7 @@ from frischid.core.text import rounded
 from frischid.core.types import Array
 from frischid.diagnosis.candidate_columns import Candidate
 from frischid.diagnosis.cross_validation import CrossValidator
-from frischid.diagnosis.effect_ranking import Ranking
-from frischid.diagnosis.findings import Finding
+from frischid.diagnosis.effect_findings import FoundEffects
 from frischid.diagnosis.floor import asks_for_explanation
 from frischid.diagnosis.load_states import STRETCH_ENDS, States, first_states, settled_states, while_acting
 from frischid.diagnosis.stretches import Stretch, in_words, plain, reach_of_a_step, wider
@@ -78,10 +77,6 @@ class CarriedLoad:
         """Plain JSON values."""
         weight = {"mass": self.mass, "mass_error": self.mass_error}
         return {"joint": self.joint, **weight, "stretches": plain(self.stretches, self.log_starts)}
-
-
-Found = tuple[list[Finding], Ranking, Array]
-"""Findings of effects that a model lacks, their ranking and the floor, as of `effect_findings.find_effects`."""
 
 
 @dataclass(frozen=True, eq=False)
@@ -205,8 +200,8 @@ class LoadedFit:
 
 
 def find_load(
-    validator: CrossValidator, full: CrossValidator, floor: Array, search: Callable[[CrossValidator], Found]
-) -> tuple[CarriedLoad, CrossValidator, Found] | None:
+    validator: CrossValidator, full: CrossValidator, floor: Array, search: Callable[[CrossValidator], FoundEffects]
+) -> tuple[CarriedLoad, CrossValidator, FoundEffects] | None:
     """Find the body that the robot carries for a while, in turns with the effects that are missing beside it.
 
     Parameters
@@ -220,7 +215,7 @@ def find_load(
 
     Returns
     -------
-    (CarriedLoad, CrossValidator, tuple) or None
+    (CarriedLoad, CrossValidator, FoundEffects) or None
         The load, the fit to the rest of the time, and what the search found there.
     """
     fit = _first(validator, full, floor / validator.spread)
@@ -228,7 +223,7 @@ def find_load(
         if fit is None or not fit.can_be_judged:
             return None
         found = search(fit.rest)
-        beside = fit.beside(found[1].full.columns.added)
+        beside = fit.beside(found.ranking.full.columns.added)
         if beside is not None and beside.agrees(fit):
             load = beside.load if beside.can_be_judged else None
             return None if load is None else (load, fit.rest, found)

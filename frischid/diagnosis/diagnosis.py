@@ -26,7 +26,7 @@ from frischid.core.arguments import check_kind
 from frischid.core.parallel import Workers
 from frischid.core.text import shortened
 from frischid.core.threads import on_one_thread
-from frischid.diagnosis.carried_loads import Found, find_load
+from frischid.diagnosis.carried_loads import find_load
 from frischid.diagnosis.contacts import (
     Contact,
     contacts_at_rest,
@@ -37,7 +37,7 @@ from frischid.diagnosis.contacts import (
 )
 from frischid.diagnosis.criteria import DIAGNOSIS_CRITERIA, DiagnosisCriteria
 from frischid.diagnosis.cross_validation import CrossValidator
-from frischid.diagnosis.effect_findings import find_effects, refit_finding
+from frischid.diagnosis.effect_findings import FoundEffects, find_effects, refit_finding
 from frischid.diagnosis.floor import Floor, asks_for_explanation
 from frischid.diagnosis.hypotheses import Evidence, evidence_of
 from frischid.diagnosis.model_notes import delay_in, limit_in, load_in, touch_in, untried
@@ -141,14 +141,7 @@ def diagnose(
     True
     """
     logs, valid = logs_to_diagnose(model, logs, valid, situation, mapping)
-    for name in effects or ():
-        if not isinstance(name, str):
-            raise InputError(f"effects to try must be names such as 'joint_spring', got {shortened(name)}")
-        kind, at, _ = name.partition("@")
-        if at and kind in EFFECTS:
-            raise InputError(f"write {kind} instead of {name}: effects are tried at every joint")
-        if name not in EFFECTS:
-            raise UnknownNameError("effect", name, EFFECTS)
+    _check_names(effects or ())
     if workers is not None:
         check_kind("workers", workers, Workers, "with frischid.core.parallel.workers(count=2) as workers")
     model.check([*logs, *valid])
@@ -161,12 +154,8 @@ def diagnose(
     searched = [part.log for part in parts]
     validator, state = cross_validator(model, searched, situation, criteria=criteria, workers=workers)
     found_by = [stages(v, state, Floor.of(v), effects, progress) for v in priors_of(validator, state)]
-    results = best_stages(found_by)
-    first = {log.source: float(log.t[0]) for log in logs if isinstance(log, Log)}
-    contacts = [replace(c, log_start=first.get(c.source, 0.0)) for c in results.contacts]
-    limits = [replace(limit, log_starts=first) for limit in results.limits]
-    load = results.load and replace(results.load, log_starts=first)
-    results = replace(results, contacts=(*contacts, *touched), limits=tuple(limits), load=load)
+    results = _since_the_starts(best_stages(found_by), logs)
+    results = replace(results, contacts=(*results.contacts, *touched))
     verdict, by_twin = decided(results), decided(results, by_twin=True)
     if state == "changed" and effects is None:
         refit = refit_finding(results.validator, results.floor)
@@ -181,10 +170,33 @@ def diagnose(
         delay_in(model),
         touch_in(model, logs, found.contacts),
         limit_in(model, logs, found.limits),
-        load_in(model, logs, load),
+        load_in(model, logs, results.load),
     ]
     said += untried(model, effects or (), state, validator.data.cache.channels)
     return replace(found, notes=(*found.notes, *filter(None, said)))
+
+
+def _check_names(effects: Sequence[str]) -> None:
+    """Refuse what is no name of an effect, and names with a joint."""
+    for name in effects:
+        if not isinstance(name, str):
+            raise InputError(f"effects to try must be names such as 'joint_spring', got {shortened(name)}")
+        kind, at, _ = name.partition("@")
+        if at and kind in EFFECTS:
+            raise InputError(f"write {kind} instead of {name}: effects are tried at every joint")
+        if name not in EFFECTS:
+            raise UnknownNameError("effect", name, EFFECTS)
+
+
+def _since_the_starts(results: StageResults, logs: Sequence[Log | Recording]) -> StageResults:
+    """The results with times that count from the first sample of each log, as those of `frischid cut`."""
+    first = {log.source: float(log.t[0]) for log in logs if isinstance(log, Log)}
+    return replace(
+        results,
+        contacts=tuple(replace(c, log_start=first.get(c.source, 0.0)) for c in results.contacts),
+        limits=tuple(replace(limit, log_starts=first) for limit in results.limits),
+        load=results.load and replace(results.load, log_starts=first),
+    )
 
 
 def _at_standstill(
@@ -272,15 +284,17 @@ def stages(
 ) -> StageResults:
     """Torques at their limit, a load, contacts, findings, and a term outside the catalogue that explains far more."""
 
-    def search(fit: CrossValidator) -> Found:
+    def search(fit: CrossValidator) -> FoundEffects:
         return find_effects(fit, floor, situation, effects, progress)
 
-    def in_the_longer_times(fit: CrossValidator) -> Found:
+    def in_the_longer_times(fit: CrossValidator) -> FoundEffects:
         progress("again without the times with a load, or those without")
         return search(fit)
 
-    def below_limits(fit: CrossValidator, found: Found) -> tuple[CrossValidator, Found, list[TorqueLimit]]:
-        limits = find_limits(fit, found[1].full, found[2])
+    def below_limits(
+        fit: CrossValidator, found: FoundEffects
+    ) -> tuple[CrossValidator, FoundEffects, list[TorqueLimit]]:
+        limits = find_limits(fit, found.ranking.full, found.noise)
         if not limits:
             return fit, found, limits
         progress("again without torques at their limit")
@@ -289,37 +303,36 @@ def stages(
 
     load, found = None, search(validator)
     below, left, limits = below_limits(validator, found)
-    full, noise = left[1].full, left[2]
+    full, noise = left.ranking.full, left.noise
     # Limits that explain everything are no load; a load may look like limits that leave other errors.
     if asks_for_explanation(full.predictive_nrmse(), noise / full.spread, full).any():
-        carried = find_load(validator, found[1].full, found[2], in_the_longer_times)
+        carried = find_load(validator, found.ranking.full, found.noise, in_the_longer_times)
         if carried is not None:
             load, longer, found = carried
             below, left, limits = below_limits(longer, found)
-    validator, (findings, ranking, noise) = below, left
+    validator, found = below, left
     contacts = find_contacts(validator, floor.noise)
     if contacts:
         rest = validator.without(stretches(contacts))
-        if made_by_something_steady(validator, rest, findings):
+        if made_by_something_steady(validator, rest, found.findings):
             contacts = []
         else:
             progress("again without the contacts")
             validator = rest
-            findings, ranking, noise = search(rest)
-    least = floor.without_effects(noise)
-    unmodelled = None if contacts else unmodelled_term(ranking, noise, least)
+            found = search(rest)
+    least = floor.without_effects(found.noise)
     return StageResults(
-        validator,
-        situation,
-        noise,
-        least,
-        tuple(burst.contact for burst in contacts),
-        tuple(findings),
-        ranking,
-        unmodelled,
-        floor.said,
-        tuple(limits),
-        load,
+        validator=validator,
+        situation=situation,
+        floor=found.noise,
+        least=least,
+        contacts=tuple(burst.contact for burst in contacts),
+        findings=tuple(found.findings),
+        ranking=found.ranking,
+        unmodelled=None if contacts else unmodelled_term(found.ranking, found.noise, least),
+        said=floor.said,
+        limits=tuple(limits),
+        load=load,
     )
 
 

@@ -13,6 +13,7 @@ from __future__ import annotations
 
 from collections.abc import Callable, Sequence
 from dataclasses import replace
+from typing import NamedTuple
 
 import numpy as np
 from numpy.typing import NDArray
@@ -31,13 +32,23 @@ from frischid.diagnosis.reversal_residuals import absent_in_motion, only_at_reve
 from frischid.effects import EFFECTS
 
 
+class FoundEffects(NamedTuple):
+    """What a search for missing effects found."""
+
+    findings: list[Finding]
+    """Best first."""
+    ranking: Ranking
+    noise: Array
+    """Floor of each joint where the model with all effects that entered is known, N·m (N), (J,)."""
+
+
 def find_effects(
     validator: CrossValidator,
     floor: Floor,
     situation: str,
     only: Sequence[str] | None = None,
     progress: Callable[[str], None] = lambda _: None,
-) -> tuple[list[Finding], Ranking, Array]:
+) -> FoundEffects:
     """Score every effect that can act on this robot.
 
     Parameters
@@ -47,14 +58,6 @@ def find_effects(
     only : sequence of str, optional
         Identifiers to try, the whole catalogue by default.
     progress : callable, optional
-
-    Returns
-    -------
-    findings : list of Finding
-        Best first.
-    ranking : Ranking
-    noise : ndarray, shape (J,)
-        Floor of each joint where the model with all effects that entered is known, N·m (N).
     """
     kinds = [
         kind
@@ -67,7 +70,8 @@ def find_effects(
     floors = noise, floor.without_effects(noise)
     # The twin has the noise of the positions alone: what smooths nothing there smooths another error here.
     ranked = replace(ranked, smoothing=tuple(c for c in ranked.smoothing if floor.twin.explained([c.effect]) > 0))
-    return [_finding(validator, floors, moving, effect, floor.twin) for effect in ranked.effects], ranked, noise
+    findings = [_finding(validator, floors, moving, effect, floor.twin) for effect in ranked.effects]
+    return FoundEffects(findings, ranked, noise)
 
 
 def _finding(

@@ -292,5 +292,21 @@ def with_verdict(
     if verdict not in SENTENCES:
         return tuple(findings)
     chance = probabilities["outside" if verdict == "unknown" else verdict]
-    first = Finding(verdict, (), error, error, 0.0, 0.0, 0.0, 0.0, 0.0, 0.0, 1.0, {}, (), SENTENCES[verdict], ())
+    first = Finding(
+        effect=verdict,
+        joints=(),
+        error_before=error,
+        error_after=error,
+        gain=0.0,
+        removed=0.0,
+        share=0.0,
+        floors=0.0,
+        over_twin=0.0,
+        twin_removed=0.0,
+        p_value=1.0,
+        parameters={},
+        confused_with=(),
+        sentence=SENTENCES[verdict],
+        members=(),
+    )
     return (replace(first, probability=chance), *findings)

@@ -1,8 +1,17 @@
 """The catalogue of physical effects: one family per file, one class per effect.
 
 Comes in: a stretch of motion. Goes out: the columns that an effect adds to the regressor, with names, units and known
-signs. Start with `frischid.effects.base`; `frischid.effects.friction` has the simplest effects. CONTRIBUTING.md has the
+signs. Start with `friction`, the simplest effects, then `base`, the class of all effects. CONTRIBUTING.md has the
 recipe for a new effect.
+
+- **Families.** Friction: `friction`, `friction_curves` (over the speed), `friction_conditions` (load, position),
+  `friction_memory`, `warming`, `self_heating`. Drive train: `transmission`, `flexibility` (with `link_lag`),
+  `saturation`, `springs`. The robot's surroundings: `load`. Recordings: `sensing`, `commands`. Changes of old
+  parameters: `changed_parameters`. A user's own: `formula`, in the language of `expression`.
+- **Input and output of an effect.** `state` has both, `units` and `symbols` the words for them, `dynamics` the rigid
+  torque that some effects need.
+- **The catalogue.** `catalogue` finds effects, also of installed packages; `definition` checks a class; `notation`
+  reads and writes effects as text.
 
 Examples
 --------

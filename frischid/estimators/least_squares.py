@@ -241,16 +241,16 @@ def _finish(blocks: Sequence[Gram], weights: Array, estimator: str) -> Estimate:
         np.diag(covariance) / np.diag(NormalEquations(whole.weighted(1.0 / variance), whole.names).inverse)
     )
     return Estimate(
-        whole.columns,
-        system.theta,
-        covariance,
-        whole.joints,
-        np.sqrt(variance),
-        weights,
-        system.condition,
-        estimator,
-        plain / max(1.0, float(inflation)),
-        notes,
+        columns=whole.columns,
+        theta=system.theta,
+        covariance=covariance,
+        joints=whole.joints,
+        sigma=np.sqrt(variance),
+        weights=weights,
+        condition=system.condition,
+        estimator=estimator,
+        information=plain / max(1.0, float(inflation)),
+        notes=notes,
     )
 
 
@@ -265,17 +265,17 @@ def _posterior(blocks: Sequence[Gram], weights: Array, prior: Prior) -> Estimate
     inflation = max(1.0, 1.0 if spread is None else float(np.median(np.diag(spread)[felt] / caused[felt])))
     before = np.diag(np.linalg.inv(prior.precision))
     return Estimate(
-        whole.columns,
-        system.theta,
-        inflation * inverse,
-        whole.joints,
-        np.sqrt(_variance(whole, system.theta)),
-        weights,
-        system.condition,
-        "map",
-        precision_of(inverse) / inflation,
-        notes,
-        np.clip(1.0 - np.diag(inverse) / before, 0.0, 1.0),
+        columns=whole.columns,
+        theta=system.theta,
+        covariance=inflation * inverse,
+        joints=whole.joints,
+        sigma=np.sqrt(_variance(whole, system.theta)),
+        weights=weights,
+        condition=system.condition,
+        estimator="map",
+        information=precision_of(inverse) / inflation,
+        notes=notes,
+        from_data=np.clip(1.0 - np.diag(inverse) / before, 0.0, 1.0),
     )
 
 

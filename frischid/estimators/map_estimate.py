@@ -91,17 +91,17 @@ class MapEstimate:
         """
         before = np.einsum("pc,c,pc->p", mapping, self.prior.total_spread**2, mapping)
         return Estimate(
-            whole.columns,
-            self.theta,
-            self.covariance,
-            whole.joints,
-            np.sqrt(self.variance),
-            1.0 / self.variance,
-            self.condition,
-            "map",
-            precision_of(self.covariance),
-            (),
-            np.clip(1.0 - np.diag(self.covariance) / before, 0.0, 1.0),
+            columns=whole.columns,
+            theta=self.theta,
+            covariance=self.covariance,
+            joints=whole.joints,
+            sigma=np.sqrt(self.variance),
+            weights=1.0 / self.variance,
+            condition=self.condition,
+            estimator="map",
+            information=precision_of(self.covariance),
+            notes=(),
+            from_data=np.clip(1.0 - np.diag(self.covariance) / before, 0.0, 1.0),
         )
 
 
@@ -300,15 +300,15 @@ def _finish(problem: MapProblem, prior: ParameterPrior, variance: Array, rows: f
     x, root = equations.solve(), equations.root()  # a bound cuts the distribution off, it does not make it certain
     base, full = problem.A @ root, problem.pick @ root
     return MapEstimate(
-        problem.A @ x,
-        base @ base.T,
-        problem.pick @ x,
-        full @ full.T,
-        variance,
-        rows,
-        prior,
-        equations.condition,
-        _contradicted(problem, x, equations),
+        theta=problem.A @ x,
+        covariance=base @ base.T,
+        full=problem.pick @ x,
+        full_covariance=full @ full.T,
+        variance=variance,
+        rows=rows,
+        prior=prior,
+        condition=equations.condition,
+        contradicted=_contradicted(problem, x, equations),
     )
 
 

@@ -202,18 +202,18 @@ def find_gains(
     if given is not None or channel == "tau":
         values = np.array([(given or {}).get(n, 1.0) for n in robot.joints])
     return Gains(
-        robot.joints,
-        channel,
-        gains,
-        gains**2 * np.sqrt(np.diag(covariance)[-J:]),
-        rough,
-        constrained,
-        values,
-        None if values is None else problem.payload(blocks, values),
-        payload.mass,
-        int(sum(b.counts.max() for b in blocks)),
-        lowpass,
-        (*notes, *remark),
+        joints=robot.joints,
+        channel=channel,
+        gains=gains,
+        stderr=gains**2 * np.sqrt(np.diag(covariance)[-J:]),
+        total_least_squares=rough,
+        constrained=constrained,
+        given=values,
+        payload=None if values is None else problem.payload(blocks, values),
+        mass=payload.mass,
+        samples=int(sum(b.counts.max() for b in blocks)),
+        lowpass=lowpass,
+        notes=(*notes, *remark),
     )
 
 

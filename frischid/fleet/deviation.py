@@ -119,15 +119,15 @@ def deviation(blocks: Sequence[Gram], fleet: Gram, centre: Centre, included: boo
         plain = _fitted(whole, 1.0 / own.sigma**2, prior).inverse
         inflation = float(np.median(np.diag(own.covariance) / np.diag(plain)))
     return Deviation(
-        own,
-        reason,
-        statistic,
-        rank,
-        inflation,
-        shift,
-        _rms(whole, theta0) / spread,
-        _rms(whole, theta0 + shift) / spread,
-        centre.theta - theta0,
+        own=own,
+        reason=reason,
+        statistic=statistic,
+        rank=rank,
+        inflation=inflation,
+        shift=shift,
+        error_fleet=_rms(whole, theta0) / spread,
+        error_own=_rms(whole, theta0 + shift) / spread,
+        pull=centre.theta - theta0,
     )
 
 

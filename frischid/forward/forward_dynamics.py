@@ -324,7 +324,21 @@ class ForwardDynamics:
             after = solve(inertia, push)
         else:
             after = step_with_friction(inertia, push, s.v, (h * dry.forwards, h * dry.backwards))
-        step = Step(h, s.which, s.t + half, middle, v, s.a, s.v, s.z, z, inertia, damping, dry, after)
+        step = Step(
+            h=h,
+            which=s.which,
+            t=s.t + half,
+            q=middle,
+            v=v,
+            a=s.a,
+            v_before=s.v,
+            z_before=s.z,
+            z=z,
+            inertia=inertia,
+            damping=damping,
+            dry=dry,
+            v_after=after,
+        )
         s.z = [x.moved(y, half * after) for x, y in zip(self.effects.remembered, z, strict=True)]
         s.a = np.where(step.keeps_on, (after - s.v) / h, 0.0)
         s.q, s.v, s.t = middle + half * after, after, s.t + h

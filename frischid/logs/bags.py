@@ -30,8 +30,7 @@ from numpy.typing import NDArray
 from frischid.core.extras import install_command
 from frischid.errors import InputError, UnknownNameError
 from frischid.logs.mapping import LogMap
-from frischid.logs.table import Table
-from frischid.logs.tables import joined
+from frischid.logs.table import Table, joined
 
 BAG_SUFFIXES = (".bag", ".db3", ".mcap")
 JOINT_STATES = ("sensor_msgs/JointState", "sensor_msgs/msg/JointState")

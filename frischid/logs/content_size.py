@@ -14,11 +14,11 @@ from collections.abc import Iterable
 from pathlib import Path
 
 import pyarrow as pa
-import pyarrow.parquet
 
 from frischid.errors import InputError
 from frischid.logs.bags import is_bag, message_bytes
 from frischid.logs.log_file import size_of
+from frischid.logs.tables import format_of
 
 IN_MEMORY = 32 * 2**20
 """Bytes of the numbers of all logs that are read as a whole; beyond, logs are read chunk by chunk."""
@@ -32,17 +32,10 @@ def content_bytes(path: Path) -> int:
     try:
         if is_bag(path):
             return max(size, message_bytes(path))
-        if path.suffix.lower() == ".parquet":
-            about = pa.parquet.read_metadata(path)
-            groups = [about.row_group(g) for g in range(about.num_row_groups)]
-            # of a column of lists, all numbers of the lists count
-            return max(size, 8 * sum(int(g.column(c).num_values) for g in groups for c in range(g.num_columns)))
-        if path.suffix.lower() == ".npz":
-            with zipfile.ZipFile(path) as archive:
-                return max(size, sum(part.file_size for part in archive.infolist()))
+        found = format_of(path)
+        return size if found is None else max(size, found.content_bytes(path))
     except (InputError, OSError, ValueError, pa.ArrowException, zipfile.BadZipFile, zlib.error, NotImplementedError):
         return size
-    return size
 
 
 def fits_in_memory(paths: Iterable[Path]) -> bool:

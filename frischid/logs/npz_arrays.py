@@ -7,7 +7,8 @@ from __future__ import annotations
 
 import zipfile
 from collections import Counter
-from collections.abc import Sequence
+from collections.abc import Iterator, Sequence
+from dataclasses import replace
 from pathlib import Path
 from typing import Any
 
@@ -17,7 +18,7 @@ from numpy.typing import NDArray
 from frischid.errors import InputError
 from frischid.logs.log import CHANNELS
 from frischid.logs.mapping import LogMap
-from frischid.logs.table import Table, check_width
+from frischid.logs.table import Table, check_width, place_after
 
 MUJOCO = {"qpos": "q", "qvel": "v", "qacc": "a", "qfrc_actuator": "tau", "time": "t"}
 
@@ -58,6 +59,25 @@ def read_npz(path: Path, form: LogMap, order: Sequence[str] = ()) -> Table:
         else:
             numeric[name] = values
     return Table(str(path), tuple(arrays), numeric, unusable, notes=notes)
+
+
+def npz_chunks(path: Path, form: LogMap, rows: int, order: Sequence[str] = ()) -> Iterator[Table]:
+    """Tables of consecutive rows; the file is in memory as a whole."""
+    whole = read_npz(path, form, order)
+    for start in range(0, whole.rows, rows):
+        part = {name: x[start : start + rows] for name, x in whole.numeric.items()}
+        yield replace(whole, numeric=part, place=place_after(start, whole.place), first=start)
+
+
+def npz_names(path: Path, form: LogMap) -> Sequence[str]:
+    """Names of a file's columns, which only its arrays tell."""
+    return read_npz(path, form).names
+
+
+def npz_bytes(path: Path) -> int:
+    """Bytes of the numbers of a file."""
+    with zipfile.ZipFile(path) as archive:
+        return sum(part.file_size for part in archive.infolist())
 
 
 def _mujoco_names(arrays: dict[str, NDArray[Any]]) -> tuple[str, ...]:

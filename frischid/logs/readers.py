@@ -25,9 +25,9 @@ from frischid.logs.layouts import layout_of
 from frischid.logs.log import CHANNELS, FEWEST_SAMPLES, Log
 from frischid.logs.log_file import LogFile, parts_of, size_of
 from frischid.logs.mapping import LogMap, MappingLike
-from frischid.logs.table import Table
+from frischid.logs.table import Table, joined
 from frischid.logs.table_writing import write_table
-from frischid.logs.tables import joined, read_table, read_tables
+from frischid.logs.tables import read_table, read_tables
 
 
 def read_log(

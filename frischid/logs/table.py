@@ -3,9 +3,10 @@
 from __future__ import annotations
 
 from collections.abc import Mapping, Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from typing import Any
 
+import numpy as np
 from numpy.typing import NDArray
 
 from frischid.errors import InputError, UnknownNameError
@@ -46,6 +47,20 @@ class Table:
         if name in self.unusable:
             raise InputError(f"{self.source}: column '{name}' is not numeric: {self.unusable[name]}")
         return self.numeric[name]
+
+
+def joined(tables: Sequence[Table]) -> Table:
+    """Join tables of consecutive rows to one table."""
+    first = tables[0]
+    unusable = {name: why for table in tables for name, why in table.unusable.items()}
+    names = [name for name in first.names if name not in unusable]
+    columns = {name: np.concatenate([table.numeric[name] for table in tables]) for name in names}
+    return replace(first, numeric=columns, unusable=unusable, notes=tables[-1].notes)
+
+
+def place_after(start: int, place: Place) -> Place:
+    """Places of the rows from `start` on, where `place` gives those of the whole file."""
+    return lambda row: place(start + row)
 
 
 MOST_COLUMNS = 10_000

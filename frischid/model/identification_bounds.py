@@ -178,9 +178,8 @@ def _doubts(triangle: Simplex, recursion: Recursion | None) -> list[str]:
         if silent:
             doubts.append(
                 f"the bounding-box recursion ({recursion.variant}) holds no information on {silent} of "
-                f"{len(triangle.names)} parameters: their bounds are open, or not narrower than the one-shot "
-                "Frisch box; "
-                "use --estimator sensorwise for bounds that start from the sensors' noise"
+                f"{len(triangle.names)} parameters: their bounds are open, or not narrower than the one-shot Frisch "
+                "box; use --estimator sensorwise for bounds that start from the sensors' noise"
             )
     return doubts
 

@@ -113,22 +113,22 @@ def _judge(model: Model, given: Excerpt) -> Quality:
     )
     issues = [issue for issue in report.issues if issue.kind not in UNDONE]
     return Quality(
-        log.source,
-        given.samples,
-        given.seconds,
-        given.rate,
-        given.steps,
-        given.gaps,
-        _kept(chosen, motions, model.lowpass),
-        noise,
-        stacked["q"].min(axis=0),
-        stacked["q"].max(axis=0),
-        np.abs(stacked["v"]).max(axis=0),
-        np.abs(stacked["a"]).max(axis=0),
-        stacked["standstill"].mean(axis=0),
-        (*log.notes, *prepared.notes),
-        tuple(issue.short for issue in issues if not is_answered(model, issue)),
-        tuple(issue.short for issue in issues if is_answered(model, issue)),
+        source=log.source,
+        samples=given.samples,
+        seconds=given.seconds,
+        rate=given.rate,
+        steps=given.steps,
+        gaps=given.gaps,
+        kept=_kept(chosen, motions, model.lowpass),
+        noise=noise,
+        lower=stacked["q"].min(axis=0),
+        upper=stacked["q"].max(axis=0),
+        speed=np.abs(stacked["v"]).max(axis=0),
+        acceleration=np.abs(stacked["a"]).max(axis=0),
+        standstill=stacked["standstill"].mean(axis=0),
+        notes=(*log.notes, *prepared.notes),
+        warnings=tuple(issue.short for issue in issues if not is_answered(model, issue)),
+        answered=tuple(issue.short for issue in issues if is_answered(model, issue)),
     )
 
 

@@ -54,17 +54,17 @@ def estimate_of(record: ModelRecord) -> Estimate:
     shares = [x.from_data for x in record.parameters]
     known = [share for share in shares if share is not None]
     return Estimate(
-        tuple(Column(x.name, x.unit, x.joint, x.effect, x.sign) for x in record.parameters),
-        _array([x.value for x in record.parameters]),
-        _array(record.covariance).reshape(p, p),
-        tuple(j.name for j in record.joints),
-        _array([j.sigma for j in record.joints]),
-        _array([j.weight for j in record.joints]),
-        record.condition,
-        record.estimator,
-        _array(record.information).reshape(p, p),
-        tuple(record.notes),
-        _array(known) if len(known) == len(shares) else None,
+        columns=tuple(Column(x.name, x.unit, x.joint, x.effect, x.sign) for x in record.parameters),
+        theta=_array([x.value for x in record.parameters]),
+        covariance=_array(record.covariance).reshape(p, p),
+        joints=tuple(j.name for j in record.joints),
+        sigma=_array([j.sigma for j in record.joints]),
+        weights=_array([j.weight for j in record.joints]),
+        condition=record.condition,
+        estimator=record.estimator,
+        information=_array(record.information).reshape(p, p),
+        notes=tuple(record.notes),
+        from_data=_array(known) if len(known) == len(shares) else None,
     )
 
 

@@ -17,17 +17,15 @@ import msgspec
 
 from frischid.core.text import listed
 from frischid.errors import InputError
-from frischid.logs.bags import BAG_SUFFIXES
 from frischid.logs.content_size import fits_in_memory
 from frischid.logs.log import Log
 from frischid.logs.log_file import MOST_MAPPING_BYTES, LogFile, StoredFile, difference
 from frischid.logs.readers import read_log
 from frischid.logs.recording import Recording, chunks_of
-from frischid.logs.tables import CSV
+from frischid.logs.tables import LOG_SUFFIXES
 from frischid.model.model import Model
 from frischid.model.model_argument import check_model
 
-LOG_SUFFIXES = (*CSV, ".parquet", ".npz", *BAG_SUFFIXES)
 MOST_REASONS = 3  # logs that were not found and are named
 
 

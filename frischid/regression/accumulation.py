@@ -120,6 +120,5 @@ def _check_torque_present(motion: Motion, robot: Robot, joints: Sequence[str]) -
     if missing:
         raise InputError(
             f"{motion.source}: no torque for {', '.join(missing)}; give tau_<joint> columns, a mapping with current "
-            "gains, "
-            "or leave these joints' torque rows out"
+            "gains, or leave these joints' torque rows out"
         )

@@ -46,6 +46,19 @@ class Regressor:
     reference : mapping of str to float, optional
         Parameter values that give the load for effects that depend on the load; the URDF's values by default.
 
+    Attributes
+    ----------
+    columns : tuple of Column
+        The C columns: first those of the links, then each effect's.
+    reference : ndarray, shape (C,)
+        Value of each column's parameter in `reference`.
+    active : list of ndarray of int
+        For each joint, the columns that can be nonzero.
+    loaded : bool
+        Whether an effect depends on the load.
+    drops_standstill : ndarray of bool, shape (J,)
+        Joints whose torque at standstill is left out, because dry friction is undetermined there.
+
     Examples
     --------
     >>> import numpy as np
@@ -67,13 +80,12 @@ class Regressor:
         self.robot, self.effects = robot, tuple(effects)
         self.columns: tuple[Column, ...] = columns_of(robot, effects)
         self.loaded = any(effect.loaded for effect in effects)
-        values = nominal_parameters(robot, effects) if reference is None else None
-        self.reference = (
-            values if values is not None else np.array([(reference or {}).get(c.name, 0.0) for c in self.columns])
-        )
+        if reference is None:
+            self.reference = nominal_parameters(robot, effects)
+        else:
+            self.reference = np.array([reference.get(c.name, 0.0) for c in self.columns])
         self.active = self._active()
         dry = {n for effect in effects if effect.dry for _, n, _ in effect.acts_on(robot)}
-        # dry friction at standstill is undetermined: such torque samples are left out
         self.drops_standstill = np.array([n in dry for n in robot.joints])
 
     def with_effects(self, effects: Sequence[Effect]) -> Regressor:

@@ -209,19 +209,9 @@ def study(
     progress : callable
         Called with the name of each step of the work.
     """
-    if not logs:
-        raise InputError("there is no log to report on; give at least one")
-    check_logs(logs, valid)
+    named = _checked(models, logs, valid, truth)
     selecting, logs = len(logs), [*logs, *valid]
-    named = models if isinstance(models, Mapping) else {"model": models}
-    if not named:
-        raise InputError("there is no model to report on; give at least one")
-    for model in named.values():
-        check_model(model)
-        model.check(logs)
     model = next(iter(named.values()))
-    if truth is not None and np.shape(truth) != (len(model.base),):
-        raise InputError(f"truth must hold the {len(model.base)} base parameters, got the shape {np.shape(truth)}")
     progress("comparing (stage 1 of 5)")
     recorded = sorted(logs, key=model.made_from)
     logs = driven(logs, model.controller, model.currents)
@@ -249,27 +239,49 @@ def study(
     reduction = _reduction(model)
     verdict = compare(model, held) if held and len(held) < len(whole) else comparison
     return Study(
-        model,
-        tuple(shown),
-        tuple(log.source for log in held),
-        tuple("fitted" if model.made_from(log) else "test" for log in whole),
-        prediction,
-        headline(model, held or whole, verdict),
-        comparison,
-        verdict,
-        diagnosis,
-        tuple(quality(model, excerpts)),
-        reduction,
-        None if reduction is None else np.asarray(reduction.mapping @ nominal_parameters(model.robot, model.effects)),
-        truth,
-        _physical(model),
-        tuple(others),
-        tuple(compare(model, [log], part) for log, part in zip(shown, evaluated, strict=True)) if short else (),
-        side_by_side(named, whole) if further else None,
-        None if proposed is None else proposed.finding,
-        tuple(refused.values()),
-        simulated_beside(model, recorded),
+        model=model,
+        logs=tuple(shown),
+        held_out=tuple(log.source for log in held),
+        roles=tuple("fitted" if model.made_from(log) else "test" for log in whole),
+        prediction=prediction,
+        headline=headline(model, held or whole, verdict),
+        comparison=comparison,
+        verdict=verdict,
+        diagnosis=diagnosis,
+        qualities=tuple(quality(model, excerpts)),
+        reduction=reduction,
+        nominal=_nominal(model, reduction),
+        truth=truth,
+        physical=_physical(model),
+        others=tuple(others),
+        by_log=tuple(compare(model, [log], part) for log, part in zip(shown, evaluated, strict=True)) if short else (),
+        beside=side_by_side(named, whole) if further else None,
+        proposed=None if proposed is None else proposed.finding,
+        refused=tuple(refused.values()),
+        simulated=simulated_beside(model, recorded),
     )
+
+
+def _checked(
+    models: Model | Mapping[str, Model],
+    logs: Sequence[Log | Recording],
+    valid: Sequence[Log | Recording],
+    truth: Array | None,
+) -> Mapping[str, Model]:
+    """The models by name; what makes no report is refused."""
+    if not logs:
+        raise InputError("there is no log to report on; give at least one")
+    check_logs(logs, valid)
+    named = models if isinstance(models, Mapping) else {"model": models}
+    if not named:
+        raise InputError("there is no model to report on; give at least one")
+    for model in named.values():
+        check_model(model)
+        model.check([*logs, *valid])
+    first = next(iter(named.values()))
+    if truth is not None and np.shape(truth) != (len(first.base),):
+        raise InputError(f"truth must hold the {len(first.base)} base parameters, got the shape {np.shape(truth)}")
+    return named
 
 
 def _physical(model: Model) -> Consistency | str:
@@ -282,3 +294,10 @@ def _physical(model: Model) -> Consistency | str:
 def _reduction(model: Model) -> Reduction | None:
     reduction = structure(Regressor(model.robot, model.effects, model.reference), model.joints)
     return reduction if reduction.base == model.base else None
+
+
+def _nominal(model: Model, reduction: Reduction | None) -> Array | None:
+    """Base parameters of the URDF, (p,)."""
+    if reduction is None:
+        return None
+    return np.asarray(reduction.mapping @ nominal_parameters(model.robot, model.effects))

@@ -22,7 +22,8 @@ from hidden_cases import CHANGES, EFFECTS, GRADES, Truth, build, cases
 from hidden_effects import Outcome, run, run_all, score, tables
 from hidden_physics import arm, direction, motion, perturbed
 from hidden_shapes import lugre
-from planted_effects import judged, judged_alone, planted
+from planted_answers import judged, judged_alone
+from planted_effects import planted
 
 SPECS = cases(0)
 

@@ -346,6 +346,17 @@ def test_every_criterion_has_its_reason():
     assert [name for name in names if f".{name}" not in used] == []
 
 
+def test_every_kind_of_issue_is_planted_in_some_test():
+    """A new check without a test had passed all others."""
+    checks, tests = Path(inspect_source.getfile(CheckCriteria)).parent, Path(__file__).parents[1]
+    said = "".join(path.read_text(encoding="utf-8") for path in tests.rglob("test_*.py"))
+    calls = re.compile(r"(?:notes\.add|\bFault|\bLogIssue)\(\s*\"([a-z ]+)\"")
+    kinds = {kind for path in checks.glob("*.py") for kind in calls.findall(path.read_text(encoding="utf-8"))}
+    assert len(kinds) > 40
+    missing = sorted(kind for kind in kinds if f'"{kind}"' not in said)
+    assert not missing, "plant the fault in a log: an entry of FAULTS, or a test of its own"
+
+
 def test_a_torque_that_runs_ahead_is_not_called_late():
     log = clean("ur10")
     early = kinds(machine("ur10"), replace(log, tau=delayed(log, log.tau, -0.05)))["early torque"]

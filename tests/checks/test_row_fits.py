@@ -6,8 +6,9 @@ import numpy as np
 import pytest
 
 from frischid.checks.position_faults import position_faults
-from frischid.checks.row_fits import RowFits, local_fits
+from frischid.checks.row_fits import RowFits
 from frischid.checks.sketch import Sketch
+from frischid.checks.torque_faults import local_fits
 from frischid.core.types import Array
 from frischid.logs.filters import LowPass
 from frischid.logs.preprocessing import prepare

@@ -53,8 +53,11 @@ def printed(line):
 
 def test_the_page_lists_every_command():
     named = {name.split()[0] for name, _ in ROW.findall(text_of(DOCS / "reference" / "json.md"))}
-    assert named | {"fetch", "demo", "completion", "schema"} == set(main.commands)
-    assert {line.split()[0] for line in LINES} | {"fetch", "schema"} | ELSEWHERE == set(main.commands)
+    commands = set(main.commands)
+    named |= {"fetch", "demo", "completion", "schema"}
+    assert named == commands, "a command needs a row in docs/reference/json.md"
+    run = {line.split()[0] for line in LINES} | {"fetch", "schema"} | ELSEWHERE
+    assert run == commands, "a command needs a line in LINES, which prints its keys"
 
 
 def test_every_key_is_on_the_page(filled, tmp_path, monkeypatch):
@@ -78,7 +81,8 @@ def test_a_schema_is_a_schema(name):
 
 
 def test_every_command_has_a_schema_and_the_page_names_the_others():
-    assert set(OUTPUTS) == set(main.commands) - {"completion", "schema"}
+    commands = set(main.commands) - {"completion", "schema"}
+    assert set(OUTPUTS) == commands, "a command needs the type of its JSON in OUTPUTS (frischid/cli/outputs/schemas.py)"
     text = text_of(DOCS / "reference" / "json.md")
     assert all(f"- `{name}`: " in text for name in FURTHER)
 

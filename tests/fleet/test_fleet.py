@@ -20,7 +20,8 @@ from frischid.core.types import Column
 from frischid.errors import InputError
 from frischid.estimators.least_squares import wls
 from frischid.fleet.deviation import Centre, Deviation, Null, changes, deviation, usual_deviation
-from frischid.fleet.fleet import FleetOptions, identify_fleet
+from frischid.fleet.fleet import identify_fleet
+from frischid.fleet.fleet_options import FleetOptions
 from frischid.fleet.jobs import Explaining, RobotMoments, explain
 from frischid.fleet.log_paths import LogPath, find_logs, local, robot_of
 from frischid.fleet.results import SIGNIFICANCE

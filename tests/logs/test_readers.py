@@ -1,6 +1,7 @@
 import hashlib
 import os
 import zipfile
+from dataclasses import replace
 from pathlib import Path
 
 import numpy as np
@@ -13,9 +14,12 @@ from hypothesis.extra.numpy import arrays
 
 from frischid.checks import defects
 from frischid.errors import InputError, UnknownNameError
+from frischid.logs import tables
+from frischid.logs.content_size import content_bytes
 from frischid.logs.log import CHANNELS, GARBAGE, Log, check_torque
 from frischid.logs.mapping import JointMap, LogMap
 from frischid.logs.readers import read_chunks, read_log, write_log
+from frischid.logs.table import Table
 
 N = 20
 T = np.arange(N) * 0.1
@@ -582,3 +586,34 @@ def test_a_name_that_a_csv_header_cannot_hold_is_refused(joint, tmp_path):
     assert not list(tmp_path.iterdir())
     write_log(log, tmp_path / "log.parquet")
     assert read_log(tmp_path / "log.parquet", log.joints).joints == log.joints
+
+
+def test_a_format_is_one_entry_of_the_table_of_formats(tmp_path, monkeypatch):
+    """A recipe of CONTRIBUTING.md: whatever reads logs finds a new format there, and nowhere else."""
+
+    def read(path, form, joints):
+        names, *rows = (line.split("|") for line in path.read_text().splitlines())
+        return Table(str(path), names, dict(zip(names, np.array(rows, float).T, strict=True)), {})
+
+    def chunks(path, form, rows, joints):
+        whole = read(path, form, joints)
+        for start in range(0, whole.rows, rows):
+            part = {name: x[start : start + rows] for name, x in whole.numeric.items()}
+            yield replace(whole, numeric=part, first=start)
+
+    pipes = tables.TableFormat(
+        (".pipes",), read, chunks, lambda path, form: read(path, form, ()).names, lambda _: 10**6
+    )
+    monkeypatch.setattr(tables, "TABLE_FORMATS", (*tables.TABLE_FORMATS, pipes))
+    path = tmp_path / "log.pipes"
+    path.write_text("t|q_elbow\n" + "".join(f"{0.01 * k:.2f}|{0.1 * k:.1f}\n" for k in range(40)))
+    log = read_log(path)
+    assert log.joints == ("elbow",)
+    assert log.q[:, 0] == pytest.approx(0.1 * np.arange(40))
+    assert [len(part) for part in read_chunks(path, samples=20)] == [20, 20]
+    layouts = {"layout": {name: {"joint": {"elbow": {"q": q}}} for name, q in (("a", "q_elbow"), ("b", "angle"))}}
+    assert read_log(path, mapping=layouts).joints == ("elbow",)
+    assert content_bytes(path) == 10**6
+    path.write_text("t|q_elbow\n0|first\n")
+    with pytest.raises(InputError, match=r"log.pipes: cannot be read as pipes \(could not convert"):
+        read_log(path)

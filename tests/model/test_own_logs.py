@@ -13,8 +13,8 @@ from frischid.cli import main
 from frischid.diagnosis.roles import roles
 from frischid.logs.log_file import StoredFile, difference
 from frischid.logs.recording import Recording
+from frischid.logs.tables import LOG_SUFFIXES
 from frischid.model.model_digest import digest
-from frischid.model.own_logs import LOG_SUFFIXES
 
 PLANAR2 = fr.Robot.load("planar2")
 MAPPING = '[default]\ntau = "torque_{joint}"\n'

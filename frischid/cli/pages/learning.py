@@ -102,8 +102,7 @@ def demo(result: Demo, output: str | None, page: str) -> Page:
     within = np.abs(found.model.estimate.theta - result.truth) <= 2 * found.model.estimate.stderr
     story = (
         f"A planar arm with known parameters made two motions of {result.seconds:g} s, recorded at {result.rate:g} "
-        "Hz with noisy "
-        "positions and torques. The parameters were identified on motion A; motion B was only predicted."
+        "Hz with noisy positions and torques. The parameters were identified on motion A; motion B was only predicted."
     )
     verdict = f"{int(within.sum())} of {len(within)} true values lie within two standard errors."
     parts: list[Any] = [story, summary(found), parameters(found.model, result.truth.tolist())]
