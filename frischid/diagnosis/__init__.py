@@ -22,8 +22,8 @@ residual (`residual_variables`). `effect_findings` makes findings of scored effe
 says it in a clause, `model_notes` what the model had already. `roles` tells which logs may decide and which only test.
 
 `floor` is the noise floor. Held-out errors count without the part that uncertain parameters alone cause, so the floor
-has no such part. Noise of drives that is as slow as the motion belongs to it (`slow_noise`), and the data may refute
-it. Repeated motions measure it (`repeats`).
+has no such part. Noise of drives that is as slow as the motion belongs to it (`slow_noise`, held against the
+`residual_spectrum`), and the data may refute it. Repeated motions measure it (`repeats`).
 `healthy_twin` is the floor of the error without an effect.
 
 `addition` adds an effect: `shape_choice` gives its shape, `refit` all parameters, a `step` is the outcome.

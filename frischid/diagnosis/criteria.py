@@ -52,9 +52,10 @@ class DiagnosisCriteria:
     block_seconds: float = 1.0
     """s. Shortest block of time of that test. A residual is correlated over tenths of a second, so blocks are nearly
     independent. By judgement."""
-    block_periods: float = 12.0
-    """Periods of the filter's cut-off frequency. Shortest block where this is longer than the seconds above. By
-    judgement."""
+    block_periods: float = 6.0
+    """Periods of the filter's cut-off frequency. Shortest block where this is longer than the seconds above. A filtered
+    torque has two independent samples in each period, so a block has twelve. With twelve periods, a log of 7 s had
+    three blocks, and ranks of three blocks pass no test. By judgement."""
     smallest_error: float = 0.004
     """Share of a joint's torque (std). An effect that explains less is not worth a parameter, however significant. The
     robust unit of the contact search is not smaller either, or every reversal would be a burst. A smaller error of a
