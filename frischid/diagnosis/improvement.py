@@ -226,7 +226,8 @@ def _harmless_part(
     """The trial of an effect on a part of its joints; None where no part is a step.
 
     Its places on the joints that it would make worse are left out first. Where the rest is no step, only its places on
-    the joints that it helps are kept: a joint that it does not help must not hide a joint that it does.
+    the joints that it helps are kept, and then a single one of these: a joint that it does not help must not hide a
+    joint that it does.
     """
     before = finding.members
     while 0 < len(left := harmless(diagnosis.validator, before)) < len(before):
@@ -234,10 +235,13 @@ def _harmless_part(
         if tried is not None:
             return tried
         before = left
-    left = helped(diagnosis.validator, finding.members)
-    if not 0 < len(left) < len(finding.members):
-        return None
-    return _accepted(model, diagnosis, with_members(finding, left, model.robot), left, logs)[0]
+    kept = helped(diagnosis.validator, finding.members)
+    for left in (kept, *((effect,) for effect in kept)):
+        if 0 < len(left) < len(finding.members):
+            tried, _ = _accepted(model, diagnosis, with_members(finding, left, model.robot), left, logs)
+            if tried is not None:
+                return tried
+    return None
 
 
 def _harmless_shape(

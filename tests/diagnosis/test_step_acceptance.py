@@ -180,7 +180,7 @@ def test_an_effect_is_added_where_it_helps(monkeypatch):
     )
     monkeypatch.setattr(improvement, "harmless", lambda validator, members: members)
     arm, diagnosis, refused = SimpleNamespace(robot=robot), SimpleNamespace(findings=[finding], validator=None), {}
-    for kept, found in ((spring[:1], "the trial"), (spring, None), ((), None)):
+    for kept, found in ((spring[:1], "the trial"), (spring[1:], None), (spring[::-1], "the trial"), ((), None)):
         monkeypatch.setattr(improvement, "helped", lambda validator, members, kept=kept: kept)
         assert improvement.next_trial(arm, diagnosis, [], dict(refused)) == found
 
