@@ -19,9 +19,10 @@ fault of positions has one more rival: positions that are right, and links that 
 (`other_links`).
 
 The likeliest hypothesis may hold more faults than can be named. Each part of it is judged by itself (`_parts`). A part
-is named if it explains half of the error of its rows. Fitted numbers must also be a better explanation than errors of
-the URDF's links, which every URDF has (`_beats_links`). A body, a spring or another zero of one joint explains most of
-the error of its rows where the links behind that joint are wrong, and so would the right links.
+is named if it explains half of the error of its rows. Fitted numbers and zeros, also those that are off by a quarter
+turn, must also be a better explanation than errors of the URDF's links, which every URDF has (`_beats_links`). A body,
+a spring or another zero of one joint explains most of the error of its rows where the links behind that joint are
+wrong, and so would the right links.
 """
 
 from __future__ import annotations
@@ -35,7 +36,7 @@ import numpy as np
 from frischid.checks.faults import Fault, cost
 from frischid.checks.other_links import evidence_of_other_links
 from frischid.checks.payload import LEAST_ERROR, evidence
-from frischid.checks.position_faults import joint_faults, merged, position_faults
+from frischid.checks.position_faults import JOINT_ZERO, joint_faults, merged, position_faults
 from frischid.checks.robot_faults import CARRIED_LOAD, robot_faults, shared_errors, shared_faults
 from frischid.checks.row_fits import RowFits, local_fits
 from frischid.checks.sketch import Sketch
@@ -320,7 +321,7 @@ def _is_enough(hypothesis: Hypothesis, null: Hypothesis) -> bool:
     removed = 1 - float(np.sum(after[changed] ** 2)) / max(float(np.sum(before[changed] ** 2)), 1e-12)
     if not changed.any() or removed <= criteria.discrete_share:
         return False
-    if all(f.discrete for f in hypothesis.faults):
+    if all(f.discrete and f.kind != JOINT_ZERO for f in hypothesis.faults):
         return True
     return _beats_links(hypothesis, null)
 

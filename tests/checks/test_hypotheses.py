@@ -606,3 +606,11 @@ def test_links_that_are_wrong_in_any_way_are_no_spring():
     log = simulate(arm, motion, rate=100, noise=Noise(q=1e-5, tau=0.02), parameters=values, channels=(), seed=12)
     (report,) = check(arm, [log])
     assert {issue.kind for issue in report.issues} <= {"weak excitation", "wrong robot", "unexplained torque"}
+
+
+def test_a_zero_that_is_off_by_a_quarter_turn_has_the_links_as_a_rival(log, monkeypatch):
+    """A motor that turned with two joints, and a wrong centre of mass of the last link, were a zero off by 90°."""
+    turned = shifted(log, 2, np.pi / 2)
+    assert "joint zero" in issues(turned)[0]
+    monkeypatch.setattr(explanation, "_beats_links", lambda hypothesis, null: False)
+    assert "joint zero" not in issues(turned)[0]
