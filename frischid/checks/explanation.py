@@ -20,9 +20,10 @@ fault of positions has one more rival: positions that are right, and links that 
 (`other_links`).
 
 The likeliest hypothesis may hold more faults than can be named. Each part of it is judged by itself (`_parts`). A part
-is named if it explains most of the error of its rows. Fitted numbers that explain a smaller share must be a better
-explanation than errors of the URDF's links, which every URDF has (`_beats_links`). So must any fitted zero: a joint
-with another zero turns the links behind it, and a wrong centre of mass of the last link does so too.
+is named if it explains half of the error of its rows. Fitted numbers and zeros, also those that are off by a quarter
+turn, must also be a better explanation than errors of the URDF's links, which every URDF has (`_beats_links`). A body,
+a spring or another zero of one joint explains most of the error of its rows where the links behind that joint are
+wrong, and so would the right links.
 """
 
 from __future__ import annotations
@@ -46,9 +47,9 @@ from frischid.core.types import Array
 POSITION_KINDS = ("position sign", "swapped positions", "swapped joints", "joint zero", "degrees")
 SHARED_KINDS = ("mounting", "no gravity", "payload", CARRIED_LOAD)
 ROBOT_KINDS = (*SHARED_KINDS, "motor coupling")
-LINK_ERRORS = (0.1, 0.2, 0.4)
+LINK_ERRORS = (0.1, 0.2, 0.4, 0.8, 1.6)
 """Errors of links in URDFs (masses, and also centres of mass and inertias), standard deviations as shares of the
-link: the likeliest of them is the rival of fitted numbers."""
+link: the likeliest of them is the rival of fitted numbers. So the list must not end before the likeliest one."""
 WIDE_BEAM = 6
 """Hypotheses to which faults of the robot are added."""
 SHARED_SAMPLES = 100
@@ -322,10 +323,9 @@ def _is_enough(hypothesis: Hypothesis, null: Hypothesis) -> bool:
     removed = 1 - float(np.sum(after[changed] ** 2)) / max(float(np.sum(before[changed] ** 2)), 1e-12)
     if not changed.any() or removed <= criteria.discrete_share:
         return False
-    if all(f.discrete for f in hypothesis.faults):
+    if all(f.discrete and f.kind != JOINT_ZERO for f in hypothesis.faults):
         return True
-    turned = any(f.kind == JOINT_ZERO and not f.discrete for f in hypothesis.faults)
-    return (removed > criteria.explained_share and not turned) or _beats_links(hypothesis, null)
+    return _beats_links(hypothesis, null)
 
 
 def _beats_links(hypothesis: Hypothesis, null: Hypothesis) -> bool:

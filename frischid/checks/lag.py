@@ -10,8 +10,9 @@ delay g ± e_g of gravity and inertia, are explained by
 
     d_j = d + f_j + e_j ε_j,      g = d + e_g ε,      f_j ≥ 0 exponential with mean m,      ε ~ N(0, 1),
 
-and a common delay d stands if the data are far more likely with it than with d = 0, each with its best m. The delay g
-is estimated beside dry friction Σ_i c_i sign q̇(t − δ_i) of any c_i, at δ_0 = 0 and four later times.
+and a common delay d stands if the data are far more likely with it than with d = 0, each with its best m. This d is the
+one that is told: the d of the first equation holds the friction's lags too. The delay g is estimated beside dry
+friction Σ_i c_i sign q̇(t − δ_i) of any c_i, at δ_0 = 0 and four later times.
 
 A torque that is late hides other faults, and other faults hide the delay. A linear fit of each row by itself,
 Y_j(t_k) θ_j in place of τ_nominal,j, does not depend on signs, gains, exchanged torques or bodies. So `clear_lag` finds
@@ -53,13 +54,14 @@ def check_lag(sketch: Sketch, notes: Notebook) -> None:
     rows = [_nominal_row(sketch, int(j)) for j in sketch.rows[judged]]
     shifted = _shifted(sketch, rows, delays)
     costs = _costs(sketch, rows, shifted)
-    common, spread = _best(sketch, delays, costs)
     rigid = _best(sketch, delays, _costs(sketch, [_late_friction_row(sketch, row) for row in rows], shifted))
     own, error = np.array([_best(sketch, delays, cost[None]) for cost in costs]).T
+    common, spread, evidence = common_delay(own, error, *rigid)
     whole = np.full(len(sketch.robot.joints), np.nan)
     whole[sketch.rows[judged]] = own
     notes.per_joint("torque_lag", whole)
-    notes.facts |= {"torque_lag": common, "torque_lag_error": spread}
+    with_friction = _best(sketch, delays, costs)
+    notes.facts |= {"torque_lag": with_friction[0], "torque_lag_error": with_friction[1]}
     # delays count from the torques as they were measured: the sketch may hold them moved
     tried = np.array([0.0, common, *own]) - sketch.earlier
     left = _costs(sketch, rows, _shifted(sketch, rows, tried)).sum(axis=2)
@@ -67,7 +69,7 @@ def check_lag(sketch: Sketch, notes: Notebook) -> None:
     removed = 1 - np.diag(left[:, 2:]) / left[:, 0]
     alone = (removed > criteria.explained_share) & (abs(own) > criteria.significant_errors * error)
     clear = abs(common) > criteria.significant_errors * spread and gone > criteria.slight_lag_share
-    if clear and evidence_of_common(own, error, *rigid) > np.log(criteria.common_lag_odds):
+    if clear and evidence > np.log(criteria.common_lag_odds):
         by = f"{1e3 * abs(common):.1f} ± {1e3 * spread:.1f} ms"
         _late(notes, by, common, gone, (), "likely" if gone > criteria.common_lag_share else "possible")
     elif alone.any():
@@ -76,8 +78,8 @@ def check_lag(sketch: Sketch, notes: Notebook) -> None:
         _late(notes, by, float(own[alone].sum()), float(removed[alone].min()), where, "possible")
 
 
-def evidence_of_common(delays: Array, errors: Array, rigid: float, rigid_error: float) -> float:
-    """Log likelihood that a common delay of all joints adds to lags of friction.
+def common_delay(delays: Array, errors: Array, rigid: float, rigid_error: float) -> tuple[float, float, float]:
+    """The common delay of all joints beside lags of friction, its standard error, and the log likelihood that it adds.
 
     Parameters
     ----------
@@ -86,14 +88,23 @@ def evidence_of_common(delays: Array, errors: Array, rigid: float, rigid_error: 
     rigid, rigid_error : float
         Delay of gravity and inertia and its standard error, s.
 
+    Returns
+    -------
+    delay, error, evidence : float
+        s, s, nats. Delay and standard error are the mean and the deviation of the likelihood with its best mean lag of
+        friction.
+
     Examples
     --------
     Friction that lags by 5 to 40 ms, and the same friction in a recording that is late by 60 ms:
 
     >>> import numpy as np
     >>> own, error = np.array([0.005, 0.010, 0.020, 0.040]), np.full(4, 0.003)
-    >>> evidence_of_common(own, error, 0.0, 0.02) < 1.0, evidence_of_common(own + 0.06, error, 0.06, 0.02) > 6.0
-    (True, True)
+    >>> common_delay(own, error, 0.0, 0.02)[2] < 1.0
+    True
+    >>> delay, _, evidence = common_delay(own + 0.06, error, 0.06, 0.002)
+    >>> round(delay, 2), evidence > 6.0
+    (0.06, True)
     """
     widest = float(np.abs(delays).max() + errors.max())
     common = np.linspace(-widest, widest, 2 * COMMON_STEPS + 1)
@@ -101,7 +112,11 @@ def evidence_of_common(delays: Array, errors: Array, rigid: float, rigid_error: 
     past, e = (delays - common[:, None])[:, None], errors / lag[:, None]
     each = e**2 / 2 - past / lag[:, None] + log_ndtr(past / errors - e) - np.log(lag)[:, None]
     best = each.sum(axis=2).max(axis=1) - ((rigid - common) / rigid_error) ** 2 / 2
-    return float(best.max() - best[COMMON_STEPS])
+    share = np.exp(best - best.max())
+    share /= share.sum()
+    delay = float(share @ common)
+    spread = float(np.sqrt(share @ (common - delay) ** 2 + (common[1] - common[0]) ** 2 / 12))
+    return delay, spread, float(best.max() - best[COMMON_STEPS])
 
 
 def clear_lag(sketch: Sketch) -> float:
@@ -178,8 +193,7 @@ def _removed(left: Array) -> float:
 
 def _late(notes: Notebook, by: str, sign: float, gone: float, where: tuple[str, ...], sure: str) -> None:
     sticks = "joints that stick at reversals look the same: where identify notes that the joints differ, nothing; "
-    late = "dry friction that follows a reversal late adds to this time: identify prints the delay without friction; "
-    first = late if sign > 0 else f"{sticks}otherwise, "
+    first = "" if sign > 0 else f"{sticks}otherwise, "
     notes.add(
         "late torque" if sign > 0 else "early torque",
         f"the torque {'lags the motion' if sign > 0 else 'runs ahead of the motion'} by {by.lstrip('-')}: "

@@ -29,7 +29,13 @@ from frischid.diagnosis.result import Diagnosis
 from frischid.diagnosis.roles import always_missing, decided_situation, logs_before_change
 from frischid.diagnosis.situation import SituationOption, logs_to_diagnose
 from frischid.diagnosis.step import Refusal, Step
-from frischid.diagnosis.step_acceptance import RISES_AT_STANDSTILL, harmless, reason_against, reason_against_refit
+from frischid.diagnosis.step_acceptance import (
+    RISES_AT_STANDSTILL,
+    harmless,
+    helped,
+    reason_against,
+    reason_against_refit,
+)
 from frischid.effects import EFFECTS, Effect
 from frischid.logs.given import Logs
 from frischid.logs.log import Log
@@ -217,13 +223,24 @@ def _accepted(
 def _harmless_part(
     model: Model, diagnosis: Diagnosis, finding: Finding, logs: Sequence[Log | Recording]
 ) -> Trial | None:
-    """The trial of an effect without its places on the joints that it would make worse; None where that is no step."""
+    """The trial of an effect on a part of its joints; None where no part is a step.
+
+    Its places on the joints that it would make worse are left out first. Where the rest is no step, only its places on
+    the joints that it helps are kept, and then a single one of these: a joint that it does not help must not hide a
+    joint that it does.
+    """
     before = finding.members
     while 0 < len(left := harmless(diagnosis.validator, before)) < len(before):
         tried, _ = _accepted(model, diagnosis, with_members(finding, left, model.robot), left, logs)
         if tried is not None:
             return tried
         before = left
+    kept = helped(diagnosis.validator, finding.members)
+    for left in (kept, *((effect,) for effect in kept)):
+        if 0 < len(left) < len(finding.members):
+            tried, _ = _accepted(model, diagnosis, with_members(finding, left, model.robot), left, logs)
+            if tried is not None:
+                return tried
     return None
 
 

@@ -15,7 +15,8 @@ With ê_i and ê_i' the cross-validated residuals of a joint without and with th
   with n_j/ℓ_j effectively independent samples, which determine ν_j of the parameters.
 - *Help*: over the joints the effect acts on, the fall −Σ_j w_j d_b with w_j = 1 / Σ ê_j² must be positive by the same
   test, or by Wilcoxon's test of ranks. Of B blocks, ranks have a p value of 2⁻ᴮ or more. Where that is above the level,
-  whatever the data say, each block counts with the effect's energy in it, as in `frischid.diagnosis.block_test`.
+  whatever the data say, each block counts with the effect's energy in it, as in `frischid.diagnosis.block_test`. Where
+  the joints together do not pass, the same test of each joint alone, Bonferroni over them, says where the effect helps.
 - *Together*: the errors of J joints are combined by the mean log ratio
 
       (1/J) Σ_j log(Σ ê_j'² / Σ ê_j²)  <  0,
@@ -38,7 +39,7 @@ Source: Wilcoxon 1945, "Individual comparisons by ranking methods", Biometrics B
 
 from __future__ import annotations
 
-from collections.abc import Iterator, Sequence
+from collections.abc import Iterable, Iterator, Sequence
 
 import numpy as np
 from scipy import special
@@ -101,6 +102,24 @@ def harmless(validator: CrossValidator, effects: Sequence[Effect]) -> tuple[Effe
     worse = set(_worse(validator, after, [_rise(validator, after, row)[0] for row in range(len(validator.joints))]))
     columns = [{row for c in validator.candidates([effect]) for row in c.columns} for effect in effects]
     return tuple(effect for effect, rows in zip(effects, columns, strict=True) if not rows & worse)
+
+
+def helped(validator: CrossValidator, effects: Sequence[Effect]) -> tuple[Effect, ...]:
+    """Those of some effects on whose own joints the error falls consistently, with all of them in the model.
+
+    The joints are tested one by one, so the level is shared among them (Bonferroni). Parameters are as in
+    `reason_against`.
+    """
+    after = validator.extended(validator.joined(validator.candidates(effects)))
+    columns = [{row for c in validator.candidates([effect]) for row in c.columns} for effect in effects]
+    before, level = validator.base_sse().sum(axis=0), validator.criteria.block_p_value / len(effects)
+
+    def p_value(rows: Iterable[int]) -> float:
+        each = [np.stack(_rise(validator, after, row)) / max(before[row], 1e-300) for row in rows]
+        rise, energy = np.sum(each, axis=0)
+        return p_value_of_fall(-rise, energy, validator.criteria)
+
+    return tuple(effect for effect, rows in zip(effects, columns, strict=True) if p_value(rows) < level)
 
 
 def _worse(before: CrossValidator, after: CrossValidator, rises: Sequence[Array]) -> list[int]:

@@ -595,6 +595,22 @@ def test_a_late_recording_is_told_from_friction_that_lags(data):
     assert "identify takes that back" in late.issues[0].advice
 
 
+@pytest.mark.parametrize("delay", [-0.06, 0.06, 0.1])
+def test_the_delay_that_is_told_is_that_of_the_recording(data, delay):
+    """Friction that follows a reversal late was in it: 83 ± 1.6 ms for 60 ms, 37 ± 1.6 ms for -60 ms."""
+    robot = Robot.load(data / "ur10e/ur10e.urdf")
+    log = read_log(
+        data / "ur10e/logs/ident_40s_12harm.parquet",
+        robot.joints,
+        {"current_gain": dict(zip(robot.joints, GAINS, strict=True))},
+    )
+    (report,) = check(robot, [replace(log, tau=delayed(log, log.tau, delay))])
+    (issue,) = report.issues
+    told, error = (float(x) for x in re.search(r"by ([\d.]+) ± ([\d.]+) ms", issue.what).groups())
+    assert issue.kind == ("late torque" if delay > 0 else "early torque")
+    assert abs(told - 1e3 * abs(delay)) < 2 * error < 20
+
+
 def test_the_delay_of_a_single_joint_may_be_its_friction():
     log = clean("ur10")
     issue = kinds(Robot.load("ur10"), replace(log, tau=column(log.tau, 0, lambda _: delayed(log, log.tau, 0.05)[:, 0])))

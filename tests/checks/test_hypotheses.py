@@ -590,3 +590,27 @@ def test_a_load_for_a_part_of_the_log_is_named(gap):
 def test_a_load_throughout_is_a_payload():
     (report,) = check(UR, [carrying(0.0, 30.0)])
     assert [x.kind for x in report.issues if x.kind in ("payload", "carried load")] == ["payload"]
+
+
+def test_links_that_are_wrong_in_any_way_are_no_spring():
+    """A spring that explains most of one joint's error was named; links with errors explain those of all joints."""
+    arm = Robot.load("ur5")
+    rng, nominal = np.random.default_rng(12), dict(zip(arm.all_names, arm.nominal, strict=True))
+    values = {f"{kind}{k}": x for kind, x in (("fv", 0.3), ("fc", 0.5), ("Ia", 0.1)) for k in range(1, 7)}
+    for k in range(1, 7):
+        own = {kind: nominal[f"{kind}{k}"] for kind in LINK_PARAMETERS}
+        own |= {kind: own[kind] + 0.02 * own["m"] * rng.normal() for kind in ("mx", "my", "mz")}
+        factor = 1 + rng.uniform(0.1, 0.4) * rng.choice([-1, 1])
+        values |= {f"{kind}{k}": factor * x for kind, x in own.items()}
+    motion = random_fourier(arm, 20, seed=12)
+    log = simulate(arm, motion, rate=100, noise=Noise(q=1e-5, tau=0.02), parameters=values, channels=(), seed=12)
+    (report,) = check(arm, [log])
+    assert {issue.kind for issue in report.issues} <= {"weak excitation", "wrong robot", "unexplained torque"}
+
+
+def test_a_zero_that_is_off_by_a_quarter_turn_has_the_links_as_a_rival(log, monkeypatch):
+    """A motor that turned with two joints, and a wrong centre of mass of the last link, were a zero off by 90°."""
+    turned = shifted(log, 2, np.pi / 2)
+    assert "joint zero" in issues(turned)[0]
+    monkeypatch.setattr(explanation, "_beats_links", lambda hypothesis, null: False)
+    assert "joint zero" not in issues(turned)[0]

@@ -15,6 +15,7 @@ from frischid.diagnosis.refit import refitted
 from frischid.diagnosis.situation import cross_validator
 from frischid.diagnosis.step_acceptance import (
     harmless,
+    helped,
     p_value_of_fall,
     reason_against,
     rejection,
@@ -155,6 +156,33 @@ def test_an_effect_is_added_where_it_harms_nothing(monkeypatch):
     )
     assert (found, refused) == ("the trial", {})
     assert tried == [(robot.joints, spring), (("joint1",), spring[:1])]
+
+
+def test_the_places_where_an_effect_helps_are_told_from_those_where_nothing_is_sure():
+    """Joint 2 rises in half of its blocks: neither help nor harm."""
+    places = [SimpleNamespace(columns={k: None}) for k in (0, 1)]
+    unsure = residuals([2.0, 1.0])
+    unsure[1, :150] *= 1.6
+    unsure[1, 150:] *= 0.1
+    validator = Validator(residuals([10.0, 1.0]), unsure)
+    assert helped(validator, places) == (places[0],)
+    assert helped(Validator(residuals([10.0, 1.0]), residuals([2.0, 0.5])), places) == tuple(places)
+
+
+def test_an_effect_is_added_where_it_helps(monkeypatch):
+    """Friction that warmed up was refused on a joint that it explained: on another joint its error did not fall."""
+    spring = parse_effects("joint_spring@joint1,joint_spring@joint2")
+    robot = Robot.load("planar2")
+    finding = Finding("joint_spring", robot.joints, 0.1, 0.01, 50.0, 1e-2, 0.9, 9.0, 9.0, 0.0, 1e-9, {}, (), "", spring)
+    refusal = "the error of joint1 and joint2 does not fall consistently over blocks of time"
+    monkeypatch.setattr(
+        improvement, "_accepted", lambda *args: ("the trial", "") if args[3] == spring[:1] else (None, refusal)
+    )
+    monkeypatch.setattr(improvement, "harmless", lambda validator, members: members)
+    arm, diagnosis, refused = SimpleNamespace(robot=robot), SimpleNamespace(findings=[finding], validator=None), {}
+    for kept, found in ((spring[:1], "the trial"), (spring[1:], None), (spring[::-1], "the trial"), ((), None)):
+        monkeypatch.setattr(improvement, "helped", lambda validator, members, kept=kept: kept)
+        assert improvement.next_trial(arm, diagnosis, [], dict(refused)) == found
 
 
 def test_the_fall_of_one_noisy_joint_does_not_pay_for_the_others():
