@@ -147,20 +147,25 @@ def _compared(validator: CrossValidator, before: _Fits | None, after: _Fits, row
     for row in rows:
         for joint in data.motions_of(row):
             (apart, whole), (apart_after, whole_after) = (x.predicted(validator, joint) for x in fits)
-            shares = [np.zeros(len(joint)) for _ in fits]
-            for share, x in zip(shares, fits, strict=True):
-                for fold, own in joint.folds:
-                    share[own] = x.shares[fold]
-            first = _squared(joint.tau - apart, joint.tau - whole, shares[0])
-            second = _squared(joint.tau - apart_after, joint.tau - whole_after, shares[1])
-            moved = _squared(apart - apart_after, whole - whole_after, (shares[0] + shares[1]) / 2)
+            shares = [share_of_rows(joint, x.shares) for x in fits]
+            first = counted_squares(joint.tau - apart, joint.tau - whole, shares[0])
+            second = counted_squares(joint.tau - apart_after, joint.tau - whole_after, shares[1])
+            moved = counted_squares(apart - apart_after, whole - whole_after, (shares[0] + shares[1]) / 2)
             np.add.at(gain, joint.block, weights[row] * (first - second))
             np.add.at(energy, joint.block, weights[row] * moved)
             there[joint.block] = 1.0
     return BlockGains(gain[there > 0], energy[there > 0])
 
 
-def _squared(apart: Array, whole: Array, share: Array) -> Array:
+def share_of_rows(joint: JointData, shares: Array) -> Array:
+    """Share of the difference between the two errors of each row that counts, (n,), from that of each fold."""
+    found = np.zeros(len(joint))
+    for fold, own in joint.folds:
+        found[own] = shares[fold]
+    return found
+
+
+def counted_squares(apart: Array, whole: Array, share: Array) -> Array:
     """Squares of the fit to all, and a share of their difference from those of the fits to the other folds."""
     inside = whole**2
     return np.asarray(inside + share * (apart**2 - inside))

@@ -1,8 +1,11 @@
 """May a step of `improve` stay? It must help where it acts, harm no joint, and be physically possible.
 
-With ê_i and ê_i' the cross-validated residuals of a joint without and with the effect, block of time b has the rise
+With q_i and q_i' the cross-validated squared errors of a joint without and with the effect, less the part that
+uncertain parameters alone cause (`weighted_fit`), block of time b has the rise
 
-    d_b = Σ_{i in b} (ê_i'² − ê_i²).
+    d_b = Σ_{i in b} (q_i' − q_i).
+
+A fit to one log of two may leave a coefficient open, and predict the other log badly. No model has this error.
 
 - *Harm*: a joint becomes worse when its d_b are positive on average (Student's t over blocks, one-sided, Bonferroni
   over the joints), and its rows reject the parameters of the model with the effect. Joints share parameters. Where an
@@ -10,16 +13,16 @@ With ê_i and ê_i' the cross-validated residuals of a joint without and with th
   the error of another joint, in all blocks alike, so blocks do not show this spread. The rows of a joint reject new
   parameters by the likelihood ratio,
 
-      n_j/ℓ_j log(Σ ê_j'² / Σ ê_j²) > χ²_ν,     ν_j = tr(H⁻¹ ω_j Y_jᵀ Y_j),
+      n_j/ℓ_j log(Σ q_j' / Σ q_j) > χ²_ν,     ν_j = tr(H⁻¹ ω_j Y_jᵀ Y_j),
 
   with n_j/ℓ_j effectively independent samples, which determine ν_j of the parameters.
-- *Help*: over the joints the effect acts on, the fall −Σ_j w_j d_b with w_j = 1 / Σ ê_j² must be positive by the same
+- *Help*: over the joints the effect acts on, the fall −Σ_j w_j d_b with w_j = 1 / Σ q_j must be positive by the same
   test, or by Wilcoxon's test of ranks. Of B blocks, ranks have a p value of 2⁻ᴮ or more. Where that is above the level,
   whatever the data say, each block counts with the effect's energy in it, as in `frischid.diagnosis.block_test`. Where
   the joints together do not pass, the same test of each joint alone, Bonferroni over them, says where the effect helps.
 - *Together*: the errors of J joints are combined by the mean log ratio
 
-      (1/J) Σ_j log(Σ ê_j'² / Σ ê_j²)  <  0,
+      (1/J) Σ_j log(Σ q_j' / Σ q_j)  <  0,
 
   so that every joint counts by its relative change. In the mean NRMSE the joint with the largest error counts most, and
   its gain could hide harm to all others.
@@ -46,7 +49,7 @@ from scipy import special
 
 from frischid.core.text import listed
 from frischid.core.types import Array
-from frischid.diagnosis.block_test import LEAST_BLOCKS, p_value_of
+from frischid.diagnosis.block_test import LEAST_BLOCKS, counted_squares, p_value_of, share_of_rows
 from frischid.diagnosis.criteria import DiagnosisCriteria
 from frischid.diagnosis.cross_validation import CrossValidator
 from frischid.effects import Effect, columns_of
@@ -78,7 +81,7 @@ def reason_against(validator: CrossValidator, effects: Sequence[Effect]) -> str:
     criteria = validator.criteria
     candidate = validator.joined(validator.candidates(effects))
     after = validator.extended(candidate)
-    sums = validator.base_sse().sum(axis=0), after.base_sse().sum(axis=0)
+    sums = validator.base_predictive().sum(axis=0), after.base_predictive().sum(axis=0)
     each = [_rise(validator, after, row) for row in range(len(validator.joints))]
     worse = _worse(validator, after, [rise for rise, _ in each])
     if worse:
@@ -112,7 +115,7 @@ def helped(validator: CrossValidator, effects: Sequence[Effect]) -> tuple[Effect
     """
     after = validator.extended(validator.joined(validator.candidates(effects)))
     columns = [{row for c in validator.candidates([effect]) for row in c.columns} for effect in effects]
-    before, level = validator.base_sse().sum(axis=0), validator.criteria.block_p_value / len(effects)
+    before, level = validator.base_predictive().sum(axis=0), validator.criteria.block_p_value / len(effects)
 
     def p_value(rows: Iterable[int]) -> float:
         each = [np.stack(_rise(validator, after, row)) / max(before[row], 1e-300) for row in rows]
@@ -124,7 +127,7 @@ def helped(validator: CrossValidator, effects: Sequence[Effect]) -> tuple[Effect
 
 def _worse(before: CrossValidator, after: CrossValidator, rises: Sequence[Array]) -> list[int]:
     """Positions of the joints that a wider model makes worse."""
-    sums = before.base_sse().sum(axis=0), after.base_sse().sum(axis=0)
+    sums = before.base_predictive().sum(axis=0), after.base_predictive().sum(axis=0)
     return worse_joints(rises, *sums, before.criteria, rejection(after.fit.determined, before.effective, *sums))
 
 
@@ -132,9 +135,12 @@ def _rise(before: CrossValidator, after: CrossValidator, row: int) -> tuple[Arra
     """Rise of a joint's squared cross-validated error, and energy of the change of its prediction, per block, (B,)."""
     rise, energy = np.zeros((2, before.data.cache.blocks))
     for data in before.data.motions_of(row):
-        first, second = (v.columns.predicted(data, v.fit.fold_theta) for v in (before, after))
-        np.add.at(rise, data.block, (data.tau - second) ** 2 - (data.tau - first) ** 2)
-        np.add.at(energy, data.block, (second - first) ** 2)
+        (apart, whole), (apart_after, whole_after) = (v.predicted(data) for v in (before, after))
+        one, other = (share_of_rows(data, v.fit.shares) for v in (before, after))
+        first = counted_squares(data.tau - apart, data.tau - whole, one)
+        second = counted_squares(data.tau - apart_after, data.tau - whole_after, other)
+        np.add.at(rise, data.block, second - first)
+        np.add.at(energy, data.block, counted_squares(apart - apart_after, whole - whole_after, (one + other) / 2))
     return rise, energy
 
 
