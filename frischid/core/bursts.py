@@ -20,8 +20,9 @@ from scipy.special import ndtri
 from frischid.core.types import Array
 
 MEDIAN_OF_NOISE = float(ndtri(0.75))
-ROBUST_EFFICIENCY = 0.37  # of `robust_std` on normal noise (Rousseeuw and Croux 1993, J. Am. Stat. Assoc. 88(424))
 """Median absolute value of Gaussian noise over its standard deviation."""
+ROBUST_EFFICIENCY = 0.37
+"""Efficiency of `robust_std` on Gaussian noise (Rousseeuw and Croux 1993, J. Am. Stat. Assoc. 88(424))."""
 
 
 def robust_std(x: Array) -> Array:

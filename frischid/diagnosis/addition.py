@@ -16,12 +16,13 @@ from collections.abc import Callable, Sequence
 from dataclasses import dataclass, replace
 from typing import Any
 
+from frischid.core.text import listed
 from frischid.core.threads import on_one_thread
 from frischid.diagnosis.criteria import DIAGNOSIS_CRITERIA, DiagnosisCriteria
 from frischid.diagnosis.findings import Finding
 from frischid.diagnosis.refit import Refit, check_formulas, known_error, refitted
 from frischid.diagnosis.roles import decided_situation
-from frischid.diagnosis.scored_candidate import as_a_change
+from frischid.diagnosis.scored_candidate import as_a_change, has_names
 from frischid.diagnosis.situation import Situation, SituationOption, check_situation
 from frischid.diagnosis.step import Step
 from frischid.effects import Effect, check_effects, columns_of
@@ -58,7 +59,8 @@ def add(
     ----------
     model : Model
     effects : sequence of Effect
-        Effects to add. Where the robot changed, one that the model has is added as a change of itself.
+        Effects to add. Where the robot changed, one that the model has is added as a change of itself (friction and
+        offset as `friction_change` and `offset_change`, which name themselves).
     logs : sequence of Log, Recording or data frame, or one data frame
         Data to fit; the error is cross-validated on them.
     valid : sequence of Log, Recording or data frame, or one data frame
@@ -111,17 +113,44 @@ def add(
     if not logs:
         raise InputError("there is no log to fit; give at least one")
     check_effects_act(model.robot, model.joints, effects)
-    check_formulas(model, effects)
     if situation == "auto":
         progress("what changed since the model was identified (1 of 3)")
         situation = decided_situation(model, logs, criteria=criteria, valid=valid).situation
-    if situation == "changed":
-        present = {column.name for column in columns_of(model.robot, model.effects)}
-        effects = [as_a_change(effect, present, model.robot) for effect in effects]
+    effects = in_place(model, effects, situation)
+    check_formulas(model, effects)
     progress("fitting with the effect (2 of 3)")
     step = trial(model, effects, logs, situation, finding, criteria).step()
     progress("the error before and after (3 of 3)")
     return tested(model, step, valid)
+
+
+def in_place(model: Model, effects: Sequence[Effect], situation: Situation) -> list[Effect]:
+    """Effects as they can be added: where the robot changed, one that the model has becomes a change of itself.
+
+    An effect on all joints of which the model has some becomes one for each joint.
+
+    Raises
+    ------
+    InputError
+        A change of an effect where nothing changed.
+    """
+    present = {column.name for column in columns_of(model.robot, model.effects)}
+    if situation == "always":
+        if any(effect.changed and has_names(replace(effect, changed=0), present, model.robot) for effect in effects):
+            raise InputError(
+                f"{listed([str(e) for e in effects if e.changed])} describes a change of the robot, and the robot is "
+                "assumed not to have changed (--situation changed)"
+            )
+        return [replace(effect, changed=0) for effect in effects]
+    found: list[Effect] = []
+    for effect in effects:
+        alone = [effect]
+        if effect.joints is None and type(effect).candidate == "joint":
+            each = [replace(effect, joints=(name,)) for _, name, _ in effect.acts_on(model.robot)]
+            known = [has_names(replace(one, changed=0), present, model.robot) for one in each]
+            alone = each if any(known) and not all(known) else alone
+        found += [as_a_change(one, present, model.robot) for one in alone]
+    return found
 
 
 def undo(model: Model) -> Model:

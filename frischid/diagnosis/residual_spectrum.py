@@ -15,11 +15,14 @@ from __future__ import annotations
 from dataclasses import dataclass
 
 import numpy as np
+from scipy import fft
 
 from frischid.core.types import Array
 from frischid.diagnosis.cross_validation import CrossValidator
+from frischid.logs.filters import LowPass
 
 _CELLS = 8  # in an octave: the spectra of noise are nearly constant over a cell
+_FILTER_LENGTHS = 8  # lengths of the filter, so that interpolation between frequencies is exact enough
 
 
 @dataclass(frozen=True, eq=False)
@@ -45,23 +48,22 @@ class ResidualSpectrum:
         lowpass = full.model.lowpass
         joints = list(full.data.motions_of(row))
         longest = max(x.motion.step * x.motion.raw for x in joints)
-        octaves = max(1, int(np.ceil(np.log2(max(2 * cutoff * longest, 2.0)))))
+        octaves = max(1, int(np.ceil(np.log2(max(4 * cutoff * longest, 2.0)))))
         sums, rows = np.zeros((3, octaves * _CELLS)), sum(map(len, joints))
         for joint, residual in zip(joints, full.residuals(row, full.theta), strict=True):
-            if not len(residual):
+            step, samples = joint.motion.step, joint.motion.t.shape[0]
+            if not len(residual) or not np.isfinite(step):
                 continue
-            n, step = joint.motion.t.shape[0], joint.motion.step
-            apart = lowpass.decimation(step)
-            filled = np.zeros(n)
+            apart = step * lowpass.decimation(step)
+            filled = np.zeros(fft.next_fast_len(samples, real=True))
             filled[joint.picked] = residual
-            response = np.fft.rfft(lowpass.taps(step), n * apart)[1 : n // 2 + 1]
-            f = np.arange(1, len(response) + 1) / (n * apart * step)
+            f = np.arange(1, len(filled) // 2 + 1) / (len(filled) * apart)
             cell = (_CELLS * np.log2(cutoff / f)).astype(int)
             below = f <= cutoff
             parts = (
-                2 * np.abs(np.fft.rfft(filled)[1 : n // 2 + 1]) ** 2 / n,
-                len(residual) * np.abs(response) ** 2 / (n * apart * step),
-                np.full(len(f), 2 * len(residual) / n),
+                2 * np.abs(np.fft.rfft(filled)[1:]) ** 2 / len(filled),
+                len(residual) * _passed(lowpass, step, f) / (len(filled) * apart),
+                np.full(len(f), 2 * len(residual) / len(filled)),
             )
             sums += [np.bincount(cell[below], x[below], minlength=sums.shape[1]) for x in parts]
         power, passed, squares = sums.reshape(3, octaves, _CELLS)
@@ -78,3 +80,11 @@ class ResidualSpectrum:
     def integrated(self, spectrum: Array) -> Array:
         """Variance in each octave, (O,), of noise that the filter passes and whose power for each Hz is (O, C)."""
         return np.asarray((spectrum * self.passed).sum(axis=1))
+
+
+def _passed(lowpass: LowPass, step: float, f: Array) -> Array:
+    """|H|² of the filter at some frequencies, Hz: interpolated, because the filter has few taps beside a motion."""
+    taps = lowpass.taps(step)
+    size = fft.next_fast_len(_FILTER_LENGTHS * len(taps), real=True)
+    response = np.abs(np.fft.rfft(taps, size)) ** 2
+    return np.asarray(np.interp(f, np.arange(len(response)) / (size * step), response))

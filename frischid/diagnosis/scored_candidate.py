@@ -195,9 +195,14 @@ def has_names(effect: Effect, present: Set[str], robot: Robot) -> bool:
 
 
 def as_a_change(effect: Effect, present: Set[str], robot: Robot) -> Effect:
-    """An effect, or the change of it where a model whose columns have some names has the effect already."""
-    known = has_names(effect, present, robot) and not isinstance(effect, _CHANGES_HAVE_NAMES)
-    return replace(effect, changed=True) if known else effect
+    """An effect, or the next change of it where a model whose columns have some names has the effect already.
+
+    An effect that the model lacks is no change.
+    """
+    found = replace(effect, changed=0)
+    while has_names(found, present, robot) and not isinstance(found, _CHANGES_HAVE_NAMES):
+        found = replace(found, changed=found.changed + 1)
+    return found
 
 
 def known_in_motion(effect: Effect, present: Set[str], robot: Robot) -> bool:

@@ -11,8 +11,8 @@ and above the band of the motion, between reversals, there is nothing but noise.
     slow_j² = 2 h ∫ S_j df = 2 h (W_j f_c + L_j f₀ arctan(f_c/f₀)),
 
 with h the step of the samples: the larger, the slower. An error of L is large at low frequencies. So L counts only
-where the octaves' likelihood with it is higher than with white noise alone, by more than the price of a parameter,
-½ log n (Schwarz 1978, Ann. Statist. 6(2)).
+where the octaves' likelihood with it is higher than with white noise alone, by more than the price of a parameter for
+each motion, ½ log n (Schwarz 1978, Ann. Statist. 6(2)).
 
 The residual limits f₀, because a joint's residual contains its noise. With H the filter, and P_jo the power of the
 residual in octave o of the band, noise of this spectrum has there
@@ -23,6 +23,11 @@ A ratio x_jo above 1 is chance. P_jo is a sum of n_jo independent squares (`resi
 log likelihood
 
     D = ½ Σ_{x_jo > 1} n_jo (log x_jo + 1/x_jo − 1).
+
+A short log has few octaves that say something. So the noise may neither be correlated over a longer time than the most
+correlated residual,
+
+    T = S(0) / (2 ∫ S df) = 1 / (2 f₀ arctan(f_c/f₀))  ≤  max_j T_j.
 
 Drives of an arm are alike, so one f₀ serves all joints. The slowest noise is taken whose D is as small as chance makes
 it on average: 1/4 for each octave of each joint, because a share of 1 loses about ½ z², with z a standard normal
@@ -70,14 +75,17 @@ def slow_noise(octaves: Sequence[Octaves], full: CrossValidator) -> Array:
     residuals = [ResidualSpectrum.of(full, row, cutoff) for row in range(len(full.joints))]
     samples = np.array([x.samples for x in usable])
     weights, step = samples / samples.sum(), float(samples @ [x.step for x in usable] / samples.sum())
-    for corner in _CORNERS.tolist():
+    octaves_seen = sum(len(x.powers) for x in residuals)
+    kept = step * full.model.lowpass.decimation(step) * full.fit.correlation.max()
+    times = 1 / (2 * _CORNERS * np.arctan(cutoff / _CORNERS))
+    for corner in _CORNERS[times <= kept].tolist() if octaves_seen else []:
         mean = np.tensordot(weights, _shares(usable, corner), 1)
         noise = [
             2 * step * x.integrated(spectra_of_noise(x.centres, corner, step) @ y)
             for x, y in zip(residuals, mean, strict=True)
         ]
         lost = sum(_lost(y / x.powers, x.independent) for x, y in zip(residuals, noise, strict=True))
-        if lost <= sum(len(x.powers) for x in residuals) / 4:
+        if lost <= octaves_seen / 4:
             return np.asarray(np.sqrt(2 * step * cutoff * (mean @ mean_in_band(corner, cutoff))))
     return np.zeros(len(full.joints))
 
@@ -85,18 +93,17 @@ def slow_noise(octaves: Sequence[Octaves], full: CrossValidator) -> Array:
 def _shares(octaves: Sequence[Octaves], corner: float) -> Array:
     """Shares of noise with a memory and of white noise in the octaves of M motions, (M, J, 2).
 
-    A joint's noise has no memory where the memory does not pay for its parameter.
+    A joint's noise has no memory where the memory does not pay for its parameters, one for each motion.
     """
-    found, gain, squares = [], np.zeros(octaves[0].powers.shape[1]), np.zeros(octaves[0].powers.shape[1])
+    found, gain = [], np.zeros(octaves[0].powers.shape[1])
     for x in octaves:
         spectra, powers = spectra_of_noise(x.centres, corner, x.step), np.maximum(x.powers, 1e-300)
         both, white = shares_of_noise(spectra, powers), np.zeros((powers.shape[1], 2))
         white[:, 1:] = shares_of_noise(spectra[:, 1:], powers)
         cost = [_cost(powers / (spectra @ y.T), x.independent) for y in (white, both)]
         found.append((both, white))
-        gain, squares = gain + cost[0] - cost[1], squares + x.independent.sum(axis=0)
-    pays = gain > 0.5 * np.log(np.maximum(squares, 1.0))
-    return np.array([np.where(pays[:, None], both, white) for both, white in found])
+        gain += cost[0] - cost[1] - 0.5 * np.log(np.maximum(x.independent.sum(axis=0), 1.0))
+    return np.array([np.where(gain[:, None] > 0, both, white) for both, white in found])
 
 
 def _cost(ratio: Array, independent: Array) -> Array:

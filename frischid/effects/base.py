@@ -134,9 +134,9 @@ class Effect(ABC):
     `frischid.export.code_columns`); empty where the class states no column."""
 
     joints: tuple[str, ...] | None = None
-    changed: bool = dataclasses.field(default=False, kw_only=True)
-    """Whether this effect is what came to one of its kind that the model has, when the robot changed. The names of its
-    coefficients begin with d, and the coefficients have no known sign."""
+    changed: int = dataclasses.field(default=0, kw_only=True)
+    """Which change of an effect of its kind this is, 0: none. A model that has an effect gets its first change when the
+    robot changed. The names of the coefficients begin with a d for each change, and have no known sign."""
 
     def __init_subclass__(cls, **kwargs: Any) -> None:
         super().__init_subclass__(**kwargs)
@@ -235,7 +235,7 @@ class Effect(ABC):
     def column(self, symbol: str, unit: str, joint: str, number: str, sign: Sign = 0) -> Column:
         """Build a column ``symbol + number`` that belongs to this effect."""
         if self.changed:
-            symbol, sign = f"d{symbol}", 0
+            symbol, sign = f"{'d' * self.changed}{symbol}", 0
         return Column(f"{symbol}{number}", unit, joint, self.id, sign)
 
     def per_joint(
@@ -284,11 +284,11 @@ class Effect(ABC):
         package = EFFECTS.package(type(self))
         origin = {} if package is None else {"package": package.to_dict()}
         joints = None if self.joints is None else list(self.joints)
-        changed = {"changed": True} if self.changed else {}
+        changed = {"changed": self.changed} if self.changed else {}
         return {"effect": self.id, "joints": joints, **self.parameters, **changed, **origin}
 
     def __str__(self) -> str:
-        stated = self.parameters | ({"changed": True} if self.changed else {})
+        stated = self.parameters | ({"changed": self.changed} if self.changed else {})
         inner = ", ".join(f"{k}={_written(v)}" for k, v in stated.items())
         where = "" if self.joints is None else "@" + "+".join(self.joints)
         return f"{self.id}{f'({inner})' if inner else ''}{where}"

@@ -17,6 +17,8 @@ from typing import Any
 from frischid.effects.base import EFFECTS, Effect
 from frischid.errors import InputError, UnknownNameError
 
+_MOST_CHANGES = 20  # of one effect: after so many the robot should be identified again
+
 
 def effect_from_dict(data: Mapping[str, Any]) -> Effect:
     """Inverse of `Effect.to_dict`.
@@ -33,6 +35,8 @@ def effect_from_dict(data: Mapping[str, Any]) -> Effect:
     kind = _kind(name) if package is None else EFFECTS.of_package(name, package)
     known = {f.name: f.default for f in dataclasses.fields(kind)}
     joints = values.pop("joints", None)
+    if "changed" in values:
+        values["changed"] = _number_of_change(kind, values["changed"])
     for key, value in values.items():
         if key not in known:
             raise UnknownNameError("parameter", key, set(known) - {"joints"}, f"effect {kind.id}")
@@ -40,6 +44,12 @@ def effect_from_dict(data: Mapping[str, Any]) -> Effect:
         if isinstance(known[key], bool | float | str) and not (number or type(value) is type(known[key])):
             raise InputError(f"effect {kind.id}: {key} = {value!r}, expected something like {known[key]!r}")
     return kind(joints=None if joints is None else tuple(joints), **values)
+
+
+def _number_of_change(kind: type[Effect], value: Any) -> int:
+    if isinstance(value, bool) or not isinstance(value, int | float) or value not in range(_MOST_CHANGES + 1):
+        raise InputError(f"effect {kind.id}: changed = {value!r}, expected a number from 0 to {_MOST_CHANGES}")
+    return int(value)
 
 
 def parse_effects(text: str, *, complete: bool = False) -> tuple[Effect, ...]:

@@ -21,6 +21,7 @@ from frischid.export.mjcf_edit import edited_mjcf
 from frischid.export.mjcf_effects import MARK, effects_source
 from frischid.export.notes import note_on_gravity, notes_of
 from frischid.export.proofread import proofread
+from frischid.export.reach import changes_in
 from frischid.export.urdf import difference_of, urdf_source
 from frischid.model.model import Model
 from frischid.model.model_argument import check_model
@@ -145,7 +146,9 @@ def export(
             raise InputError(f"{target}: {given} is for files with links; a table of drives has none")
         table = {".json": actuators_json, ".csv": actuators_csv}[target.suffix]
         write_text(target, table(model, SIMULATOR_STEP if step is None else step))
-        return Export(target, "actuators", model, None, None, ())
+        changes = changes_in(model)
+        before = f"the table holds the drives before the robot changed: {', '.join(changes)} is not in it"
+        return Export(target, "actuators", model, None, None, (before,) if changes else ())
     if step is not None:
         raise InputError(f"{target}: --step (step=) counts delays in a table of drives, a file .json or .csv")
     if into is not None and target.suffix != ".xml":

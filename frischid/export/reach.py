@@ -124,6 +124,12 @@ def _filled(model: Model) -> Model:
     return replace(model, standard={**standard, **known})
 
 
+def changes_in(model: Model) -> tuple[str, ...]:
+    """The effects of a model that came when the robot changed, as text."""
+    fitted = {parameter.effect for parameter in model.parameters}
+    return tuple(str(e) for e in model.effects if (e.change or e.changed) and e.id in fitted)
+
+
 def reach_of(model: Model) -> tuple[Reach, ...]:
     """The part of a model that each format holds: C and NumPy (one entry, ``code``), MJCF, URDF.
 
@@ -138,9 +144,7 @@ def reach_of(model: Model) -> tuple[Reach, ...]:
     [('code', (), ()), ('MJCF', (), ('hysteresis(distance=0.006, width=0.005)',)), \
 ('URDF', ('hysteresis(distance=0.006, width=0.005)',), ())]
     """
-    fitted = {parameter.effect for parameter in model.parameters}
-    changes = tuple(str(e) for e in model.effects if (e.change or e.changed) and e.id in fitted)
-    if changes and describes_change(model):
+    if (changes := changes_in(model)) and describes_change(model):
         return tuple(Reach(name, refused=changes) for name in ("code", "MJCF", "URDF"))
     return (
         _code(model),

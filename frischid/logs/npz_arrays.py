@@ -33,6 +33,8 @@ def read_npz(path: Path, form: LogMap, order: Sequence[str] = ()) -> Table:
     with np.load(path, allow_pickle=False) as file:
         check_width(path, len(file.files))
         arrays = dict(file.items())
+    if wrong := [name for name, x in arrays.items() if not isinstance(x, np.ndarray)]:
+        raise InputError(f"{path}: {wrong[0]} in the archive is no array; write it with numpy.savez")
     notes = _mujoco_names(arrays)
     joints = arrays.pop("joints").tolist() if arrays.get("joints", np.empty(0)).dtype.kind == "U" else list(form.joints)
     if not joints and arrays.get("q", np.empty(0)).shape[1:] == (len(order),):

@@ -95,6 +95,22 @@ def test_white_noise_has_no_slow_part(step):
     assert (slow_noise(floor.octaves, v) < 1.15 * floor.noise).all()
 
 
+@pytest.mark.parametrize(("count", "seconds", "cutoff"), [(6, 5.0, 1.0), (2, 7.0, "auto")])
+def test_short_logs_leave_a_step_of_the_torque_above_the_noise(count, seconds, cutoff):
+    """Their parameters absorb the low octaves, so that hardly any octave says something of noise."""
+    logs = []
+    for seed in range(count):
+        motion = random_fourier(ARM, seconds, seed=seed)
+        quiet = simulate(
+            ARM, motion, rate=100.0, noise=Noise(q=1e-6, tau=0.0), channels=(), seed=seed, name=f"log {seed}"
+        )
+        log = noisy(quiet, 0.0, [seed])
+        logs.append(replace(log, tau=log.tau + _step(log)))
+    model = identify(ARM, logs, recursion="none", cutoff=cutoff).model
+    v = cross_validator(model, logs)[0]
+    assert (Floor.of(v).under(v, ()) < 0.5 * error_of(v)).all()
+
+
 @pytest.mark.parametrize("memory", [0.0, 0.05])
 def test_a_missing_effect_is_no_noise(memory):
     v = validator(logs_of(memory, "joint_spring@joint2"))

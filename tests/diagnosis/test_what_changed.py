@@ -20,6 +20,7 @@ from frischid.diagnosis.shape_choice import searched
 from frischid.diagnosis.situation import cross_validator
 from frischid.effects import BASELINE, parse_effects
 from frischid.effects.friction_memory import presliding
+from frischid.errors import InputError
 from frischid.logs.log import Log
 from frischid.logs.readers import read_log, write_log
 from frischid.model.headline import headline
@@ -304,7 +305,7 @@ def test_a_coupling_needs_more_than_the_motion_of_its_own_joints(machine, ratio)
     found = diagnose_in_roles(model, [replace(log, tau=tau, source="later")], situation="changed")
     assert (found.probabilities.get("joint_coupling", 0.0) > 0.5) == (ratio > 0)
     if not ratio:
-        assert str(found.findings[0].members[0]) == "rotor_inertia(coupled=False, ratio=1, changed=True)@joint2"
+        assert str(found.findings[0].members[0]) == "rotor_inertia(coupled=False, ratio=1, changed=1)@joint2"
         assert found.findings[0].probability > 0.8
         assert found.findings[0].parameters["dIa2"] == pytest.approx(0.3, rel=0.1)
 
@@ -317,7 +318,7 @@ def test_viscous_friction_of_one_direction_that_the_model_has_may_have_changed()
     later = log_of(4, "asymmetric_viscous@joint2", 0.5, fva2=0.9, fv2=0.9)
     found = diagnose_in_roles(model, [later], situation="changed")
     assert found.probabilities.get("asymmetric_coulomb", 0.0) < 0.05
-    assert str(found.findings[0].members[0]) == "asymmetric_viscous(changed=True)@joint2"
+    assert str(found.findings[0].members[0]) == "asymmetric_viscous(changed=1)@joint2"
 
 
 KNOWN = {
@@ -360,3 +361,47 @@ def test_an_effect_that_was_there_before_may_change(tmp_path, name, in_model):
     )
     steps[0].model.save(tmp_path / "changed.json")
     assert Model.load(tmp_path / "changed.json").effects == steps[0].model.effects
+
+
+def test_an_effect_may_change_again(tmp_path):
+    """The second change of a spring was a spring of another form, with 0.99."""
+    first, second = ([log_of(seed, "joint_spring@joint2", 0.5, ks2=ks)] for seed, ks in ((3, 1.4), (4, 0.8)))
+    effects = (*BASELINE, *parse_effects("joint_spring@joint2"))
+    own = [log_of(seed, "joint_spring@joint2", 0.5, ks2=2.0) for seed in (1, 2)]
+    model = identify(PLANAR2, own, recursion="none", effects=effects).model
+    model = fr.add(model, parse_effects("joint_spring@joint2"), first, situation="changed").model
+    notes = fr.export(model, tmp_path / "drives.csv").notes
+    assert notes == (
+        "the table holds the drives before the robot changed: joint_spring(form=linear, changed=1)@joint2 is not in it",
+    )
+    found = diagnose_in_roles(model, second, situation="changed").findings[0]
+    assert [str(e) for e in found.members] == ["joint_spring(form=linear, changed=2)@joint2"]
+    assert found.parameters["ddks2"] == pytest.approx(-0.6, rel=0.1)
+    assert fr.add(model, found.members, second, situation="changed").error_after < 0.02
+
+
+def test_a_change_is_added_to_what_the_model_has():
+    """A finding tells a change of an effect that the own logs show and the model lacks: then the effect is added."""
+    change = parse_effects("joint_spring(changed=1)@joint2")
+    own = [log_of(seed, "", 0.5) for seed in (1, 2)]
+    model = identify(PLANAR2, own, recursion="none").model
+    later = [log_of(3, "joint_spring@joint2", 0.5, ks2=1.4)]
+    added = fr.add(model, change, later, situation="changed").model
+    assert dict(zip((c.name for c in added.estimate.columns), added.estimate.theta, strict=True))["ks2"] > 1.2
+    both = fr.add(added, parse_effects("joint_spring"), later, situation="changed").model
+    assert [str(e) for e in both.effects[-2:]] == [
+        "joint_spring(form=linear)@joint1",
+        "joint_spring(form=linear, changed=1)@joint2",
+    ]
+    with pytest.raises(InputError, match="assumed not to have changed"):
+        fr.add(added, change, later, situation="always")
+    with pytest.raises(InputError, match="expected a number from 0 to"):
+        parse_effects("joint_spring(changed=True)@joint2")
+
+
+def test_a_short_log_of_a_slow_robot_has_blocks_of_time():
+    """With twelve periods a block, a log of 7 s had three blocks at 5 Hz: ranks of three blocks pass no test."""
+    log = log_of(1, "", 0.5)
+    log = fr.stretch(log, 0.0, 7.2)
+    model = identify(PLANAR2, [log], recursion="none", cutoff=5.0).model
+    assert cross_validator(model, [log])[0].data.cache.blocks >= 5

@@ -141,7 +141,7 @@ def test_a_change_of_an_effect_has_the_same_columns_under_names_of_its_own(name,
     load = machine.inverse_dynamics(q, v, a)
     state = State(machine, 0.1 * np.arange(7), q, v, a, load, load, extra=commands_of(machine, q))
     effect = next((shapes[0] for shapes in kind.candidates(machine)), kind())
-    change = replace(effect, changed=True)
+    change = replace(effect, changed=1)
     assert parse_effects(str(change)) == (change,)
     assert effect_from_dict(change.to_dict()) == change != effect
     assert change.parameters == effect.parameters

@@ -526,6 +526,13 @@ def test_an_npz_that_python_cannot_unpack_is_said(tmp_path, offsets, value, said
         read_log(path)
 
 
+def test_an_npz_with_a_file_that_is_no_array_is_said(tmp_path):
+    with zipfile.ZipFile(tmp_path / "log.npz", "w") as archive:
+        archive.writestr("readme.txt", "hello")
+    with pytest.raises(InputError, match=r"log\.npz: readme\.txt in the archive is no array"):
+        read_log(tmp_path / "log.npz", ("joint1", "joint2"))
+
+
 def test_an_npz_that_claims_more_than_any_memory_is_said(tmp_path):
     path = tmp_path / "log.npz"
     header = b"\x93NUMPY\x01\x00v\x00{'descr': '<f8', 'fortran_order': False, 'shape': (999999999999999,), }"
