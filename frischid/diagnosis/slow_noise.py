@@ -12,7 +12,8 @@ and above the band of the motion, between reversals, there is nothing but noise.
 
 with h the step of the samples: the larger, the slower. An error of L is large at low frequencies. So L counts only
 where the octaves' likelihood with it is higher than with white noise alone, by more than the price of a parameter for
-each motion, ½ log n (Schwarz 1978, Ann. Statist. 6(2)).
+each joint and motion, ½ log n (Schwarz 1978, Ann. Statist. 6(2)). All joints decide together, because drives of an arm
+are alike: where one joint alone seems to have slow noise, its torque jumps for another reason.
 
 The residual limits f₀, because a joint's residual contains its noise. With H the filter, and P_jo the power of the
 residual in octave o of the band, noise of this spectrum has there
@@ -29,7 +30,7 @@ correlated residual,
 
     T = S(0) / (2 ∫ S df) = 1 / (2 f₀ arctan(f_c/f₀))  ≤  max_j T_j.
 
-Drives of an arm are alike, so one f₀ serves all joints. The slowest noise is taken whose D is as small as chance makes
+For the same reason one f₀ serves all joints. The slowest noise is taken whose D is as small as chance makes
 it on average: 1/4 for each octave of each joint, because a share of 1 loses about ½ z², with z a standard normal
 variable, and only where z > 0. Where the torque's noise is white, L is zero, and slow_j is the noise floor of white
 noise.
@@ -93,22 +94,23 @@ def slow_noise(octaves: Sequence[Octaves], full: CrossValidator) -> Array:
 def _shares(octaves: Sequence[Octaves], corner: float) -> Array:
     """Shares of noise with a memory and of white noise in the octaves of M motions, (M, J, 2).
 
-    A joint's noise has no memory where the memory does not pay for its parameters, one for each motion.
+    The noise has no memory where the memory does not pay for its parameters, one for each joint and motion.
     """
-    found, gain = [], np.zeros(octaves[0].powers.shape[1])
+    with_memory, without, gain = [], [], 0.0
     for x in octaves:
         spectra, powers = spectra_of_noise(x.centres, corner, x.step), np.maximum(x.powers, 1e-300)
         both, white = shares_of_noise(spectra, powers), np.zeros((powers.shape[1], 2))
         white[:, 1:] = shares_of_noise(spectra[:, 1:], powers)
-        cost = [_cost(powers / (spectra @ y.T), x.independent) for y in (white, both)]
-        found.append((both, white))
-        gain += cost[0] - cost[1] - 0.5 * np.log(np.maximum(x.independent.sum(axis=0), 1.0))
-    return np.array([np.where(gain[:, None] > 0, both, white) for both, white in found])
+        without_cost, cost = (_cost(powers / (spectra @ y.T), x.independent) for y in (white, both))
+        gain += without_cost - cost - 0.5 * float(np.log(np.maximum(x.independent.sum(axis=0), 1.0)).sum())
+        with_memory.append(both)
+        without.append(white)
+    return np.array(with_memory if gain > 0 else without)
 
 
-def _cost(ratio: Array, independent: Array) -> Array:
-    """Negative log likelihood of powers in octaves over the noise's, (K, J), above that of equal ones, (J,)."""
-    return np.asarray(0.5 * (independent * (ratio - 1 - np.log(ratio))).sum(axis=0))
+def _cost(ratio: Array, independent: Array) -> float:
+    """Negative log likelihood of powers in octaves over the noise's, (K, J), above that of equal ones."""
+    return float(0.5 * (independent * (ratio - 1 - np.log(ratio))).sum())
 
 
 def _lost(ratio: Array, independent: Array) -> float:

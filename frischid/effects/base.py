@@ -61,7 +61,7 @@ class Effect(ABC):
     >>> [f"{c.name}, {c.unit}" for c in PropellerDrag(joints=("joint2",)).columns(robot)]
     ['cd2, N·m·s²/rad²']
     >>> fr.parse_effects("propeller_drag@joint1")
-    (PropellerDrag(joints=('joint1',)),)
+    (PropellerDrag(joints=('joint1',), changed=0),)
     >>> fr.EFFECTS.remove("propeller_drag")
     """
 
