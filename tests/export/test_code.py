@@ -89,7 +89,8 @@ def signed(effect):
         f.name: 1.7 * x if x else 0.03
         for f in fields(effect)
         if f.name in effect.parameters
-        and isinstance(x := getattr(effect, f.name), float | int) and not isinstance(x, bool)
+        and isinstance(x := getattr(effect, f.name), float | int)
+        and not isinstance(x, bool)
     }
     for signs in itertools.product((1.0, -1.0), repeat=len(shape)):
         changed = {k: s * x for s, (k, x) in zip(signs, shape.items(), strict=True)}
