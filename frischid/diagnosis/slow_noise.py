@@ -30,7 +30,7 @@ correlated residual,
 
     T = S(0) / (2 ∫ S df) = 1 / (2 f₀ arctan(f_c/f₀))  ≤  max_j T_j.
 
-For the same reason one f₀ serves all joints. The slowest noise is taken whose D is as small as chance makes
+One f₀ serves all joints, because the drives are alike. The slowest noise is taken whose D is as small as chance makes
 it on average: 1/4 for each octave of each joint, because a share of 1 loses about ½ z², with z a standard normal
 variable, and only where z > 0. Where the torque's noise is white, L is zero, and slow_j is the noise floor of white
 noise.
@@ -76,17 +76,17 @@ def slow_noise(octaves: Sequence[Octaves], full: CrossValidator) -> Array:
     residuals = [ResidualSpectrum.of(full, row, cutoff) for row in range(len(full.joints))]
     samples = np.array([x.samples for x in usable])
     weights, step = samples / samples.sum(), float(samples @ [x.step for x in usable] / samples.sum())
-    octaves_seen = sum(len(x.powers) for x in residuals)
-    kept = step * full.model.lowpass.decimation(step) * full.fit.correlation.max()
+    telling = sum(len(x.powers) for x in residuals)
+    longest = step * full.model.lowpass.decimation(step) * full.fit.correlation.max()
     times = 1 / (2 * _CORNERS * np.arctan(cutoff / _CORNERS))
-    for corner in _CORNERS[times <= kept].tolist() if octaves_seen else []:
+    for corner in _CORNERS[times <= longest].tolist() if telling else []:
         mean = np.tensordot(weights, _shares(usable, corner), 1)
         noise = [
             2 * step * x.integrated(spectra_of_noise(x.centres, corner, step) @ y)
             for x, y in zip(residuals, mean, strict=True)
         ]
         lost = sum(_lost(y / x.powers, x.independent) for x, y in zip(residuals, noise, strict=True))
-        if lost <= octaves_seen / 4:
+        if lost <= telling / 4:
             return np.asarray(np.sqrt(2 * step * cutoff * (mean @ mean_in_band(corner, cutoff))))
     return np.zeros(len(full.joints))
 
@@ -94,15 +94,18 @@ def slow_noise(octaves: Sequence[Octaves], full: CrossValidator) -> Array:
 def _shares(octaves: Sequence[Octaves], corner: float) -> Array:
     """Shares of noise with a memory and of white noise in the octaves of M motions, (M, J, 2).
 
-    The noise has no memory where the memory does not pay for its parameters, one for each joint and motion.
+    The noise has no memory where the memory does not pay for its parameters, one for each joint and motion. A torque
+    without any power in an octave, as one with coarse steps has, says nothing of a memory.
     """
     with_memory, without, gain = [], [], 0.0
     for x in octaves:
         spectra, powers = spectra_of_noise(x.centres, corner, x.step), np.maximum(x.powers, 1e-300)
         both, white = shares_of_noise(spectra, powers), np.zeros((powers.shape[1], 2))
         white[:, 1:] = shares_of_noise(spectra[:, 1:], powers)
-        without_cost, cost = (_cost(powers / (spectra @ y.T), x.independent) for y in (white, both))
-        gain += without_cost - cost - 0.5 * float(np.log(np.maximum(x.independent.sum(axis=0), 1.0)).sum())
+        seen = (x.powers > 0).all(axis=0)
+        P, n = powers[:, seen], x.independent[:, seen]
+        without_cost, cost = (_cost(P / (spectra @ y[seen].T), n) for y in (white, both))
+        gain += without_cost - cost - 0.5 * float(np.log(np.maximum(n.sum(axis=0), 1.0)).sum())
         with_memory.append(both)
         without.append(white)
     return np.array(with_memory if gain > 0 else without)

@@ -43,6 +43,7 @@ from frischid.regression.regressor import Regressor
 
 DRAW_SEED = 0  # seed of the draws, so that the same log gives the same floor
 _THROUGH = Remembered[Array]()  # error that the noise of a motion causes, by the model
+TORQUE_ROUNDING = 1e-12  # of the largest torque: less is the rounding error of the transform
 SIXTH_DIFFERENCE = np.array([1.0, -6.0, 15.0, -20.0, 15.0, -6.0, 1.0])
 
 
@@ -154,6 +155,7 @@ def octaves_above(x: Array, direction: Array, step: float, lowpass: LowPass) -> 
     lags = dict.fromkeys(max(1, round(0.25 / (2**k * lowpass.cutoff * step))) for k in range(CRITERIA.octaves))
     found = [(0.5 / (lag * step), power) for lag in lags if (power := _power(x, direction, step, lag)) is not None]
     powers, independent = np.array([power for _, power in found]).reshape(len(found), 2, x.shape[1]).swapaxes(0, 1)
+    powers = np.where(powers > (TORQUE_ROUNDING * np.abs(x).max(axis=0, initial=0.0)) ** 2, powers, 0.0)
     return Octaves(len(x), step, np.array([centre for centre, _ in found]), powers, independent)
 
 

@@ -95,6 +95,19 @@ def test_white_noise_has_no_slow_part(step):
     assert (slow_noise(floor.octaves, v) < 1.15 * floor.noise).all()
 
 
+def test_a_torque_with_coarse_steps_says_nothing_of_slow_noise():
+    logs = []
+    for log in logs_of(0.0):
+        tau = np.array(log.tau)
+        step = 2 * tau[:, 1].std()  # so large that most differences are zero
+        tau[:, 1] = step * np.round(tau[:, 1] / step)
+        logs.append(replace(log, tau=tau))
+    v = validator(tuple(logs))
+    floor = Floor.of(v)
+    assert all((x.powers[:, 1] == 0).all() for x in floor.octaves)
+    assert slow_noise(floor.octaves, v)[0] < 1.15 * floor.noise[0], "nor of that of the other joint"
+
+
 @pytest.mark.parametrize(("count", "seconds", "cutoff"), [(6, 5.0, 1.0), (2, 7.0, "auto")])
 def test_short_logs_leave_a_step_of_the_torque_above_the_noise(count, seconds, cutoff):
     """Their parameters absorb the low octaves, so that hardly any octave says something of noise."""
