@@ -201,7 +201,9 @@ def as_a_change(effect: Effect, present: Set[str], robot: Robot) -> Effect:
     """
     found = replace(effect, changed=0)
     while has_names(found, present, robot) and not isinstance(found, _CHANGES_HAVE_NAMES):
-        found = replace(found, changed=found.changed + 1)
+        before, found = found, replace(found, changed=found.changed + 1)
+        if found.columns(robot) == before.columns(robot):  # a class that names its columns without `Effect.column`
+            return before
     return found
 
 

@@ -13,11 +13,14 @@ from cases import robot
 from click.testing import CliRunner
 
 from frischid.cli import main
+from frischid.core.types import Column
 from frischid.diagnosis.addition import add
 from frischid.diagnosis.diagnosis import diagnose
 from frischid.diagnosis.improvement import improve
+from frischid.diagnosis.scored_candidate import as_a_change
 from frischid.effects import BASELINE, EFFECTS, Effect, columns_of, effect_from_dict, parse_effects
 from frischid.effects.catalogue import GROUP, Catalogue
+from frischid.effects.state import Term
 from frischid.errors import InputError, UnknownNameError
 from frischid.export.consistency import make_consistent
 from frischid.export.export import export
@@ -171,6 +174,22 @@ def hidden(catalogue, tmp_path):
         write_log(log, path)
     model.save(tmp_path / "model.json")
     return SimpleNamespace(kind=kind, model=model, logs=logs, files=files, path=tmp_path / "model.json")
+
+
+def test_a_class_that_names_its_columns_itself_is_no_change_of_itself(catalogue):
+    """Its change would have the same names for ever."""
+    machine, name = robot("planar2"), "cd2"
+
+    @dataclass(frozen=True)
+    class Latch(Effect):
+        id = "latch"
+
+        def terms(self, state):
+            return [Term(Column(name, "N·m", "joint2", self.id), {1: np.exp(-((state.q[:, 1] - 0.6) ** 2))})]
+
+    effect = Latch(("joint2",))
+    assert as_a_change(effect, {name}, machine) == effect
+    assert as_a_change(detent()(("joint2",)), {name}, machine).changed == 1
 
 
 def test_defaults_say_something_everywhere(catalogue):
