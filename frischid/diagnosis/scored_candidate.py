@@ -181,10 +181,10 @@ def usable_candidates(
             return False
         return measured.issuperset(effect.channels(robot)) and not has_names(effect, present, robot)
 
-    smoothed = [[with_model_width(effect, validator.model.effects) for effect in shapes] for shapes in places]
+    tried = [[with_model_width(effect, validator.model.effects) for effect in shapes] for shapes in places]
     if changed:
-        smoothed = [[as_a_change(effect, present, robot) for effect in shapes] for shapes in smoothed]
-    kept = validator.screened([[effect for effect in shapes if fresh(effect)] for shapes in smoothed])
+        tried = [[as_a_change(effect, present, robot) for effect in shapes] for shapes in tried]
+    kept = validator.screened([[effect for effect in shapes if fresh(effect)] for shapes in tried])
     found = iter(validator.candidates([effect for effects in kept for effect in effects], progress))
     return [[c for c in itertools.islice(found, len(effects)) if c.columns and c.finite] for effects in kept]
 

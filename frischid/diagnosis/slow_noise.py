@@ -79,44 +79,46 @@ def slow_noise(octaves: Sequence[Octaves], full: CrossValidator) -> Array:
     telling = sum(len(x.powers) for x in residuals)
     longest = step * full.model.lowpass.decimation(step) * full.fit.correlation.max()
     times = 1 / (2 * _CORNERS * np.arctan(cutoff / _CORNERS))
+    white = [_white(x) for x in usable]
     for corner in _CORNERS[times <= longest].tolist() if telling else []:
-        mean = np.tensordot(weights, _shares(usable, corner), 1)
+        mean = np.tensordot(weights, _shares(usable, white, corner), 1)
         noise = [
             2 * step * x.integrated(spectra_of_noise(x.centres, corner, step) @ y)
             for x, y in zip(residuals, mean, strict=True)
         ]
-        lost = sum(_lost(y / x.powers, x.independent) for x, y in zip(residuals, noise, strict=True))
+        above = [np.minimum(x.powers / np.maximum(y, 1e-300), 1.0) for x, y in zip(residuals, noise, strict=True)]
+        lost = sum(_cost(y, x.independent) for x, y in zip(residuals, above, strict=True))
         if lost <= telling / 4:
             return np.asarray(np.sqrt(2 * step * cutoff * (mean @ mean_in_band(corner, cutoff))))
     return np.zeros(len(full.joints))
 
 
-def _shares(octaves: Sequence[Octaves], corner: float) -> Array:
+def _white(octaves: Octaves) -> Array:
+    """Shares of white noise alone in the octaves of a motion, (J, 2)."""
+    powers = np.maximum(octaves.powers, 1e-300)
+    alone = shares_of_noise(np.ones((len(powers), 1)), powers)
+    return np.hstack([np.zeros_like(alone), alone])
+
+
+def _shares(octaves: Sequence[Octaves], white: Sequence[Array], corner: float) -> Array:
     """Shares of noise with a memory and of white noise in the octaves of M motions, (M, J, 2).
 
-    The noise has no memory where the memory does not pay for its parameters, one for each joint and motion. A torque
-    without any power in an octave, as one with coarse steps has, says nothing of a memory.
+    The noise has no memory where the memory does not pay for its parameters, one for each joint and motion: then the
+    shares are those of `white`. A torque without any power in an octave, as one with coarse steps has, says nothing of
+    a memory.
     """
-    with_memory, without, gain = [], [], 0.0
-    for x in octaves:
-        spectra, powers = spectra_of_noise(x.centres, corner, x.step), np.maximum(x.powers, 1e-300)
-        both, white = shares_of_noise(spectra, powers), np.zeros((powers.shape[1], 2))
-        white[:, 1:] = shares_of_noise(spectra[:, 1:], powers)
+    with_memory, gain = [], 0.0
+    for x, alone in zip(octaves, white, strict=True):
+        spectra = spectra_of_noise(x.centres, corner, x.step)
+        both = shares_of_noise(spectra, np.maximum(x.powers, 1e-300))
         seen = (x.powers > 0).all(axis=0)
-        P, n = powers[:, seen], x.independent[:, seen]
-        without_cost, cost = (_cost(P / (spectra @ y[seen].T), n) for y in (white, both))
-        gain += without_cost - cost - 0.5 * float(np.log(np.maximum(n.sum(axis=0), 1.0)).sum())
+        P, n = x.powers[:, seen], x.independent[:, seen]
+        without, cost = (_cost(P / (spectra @ y[seen].T), n) for y in (alone, both))
+        gain += without - cost - 0.5 * float(np.log(np.maximum(n.sum(axis=0), 1.0)).sum())
         with_memory.append(both)
-        without.append(white)
-    return np.array(with_memory if gain > 0 else without)
+    return np.array(with_memory if gain > 0 else white)
 
 
 def _cost(ratio: Array, independent: Array) -> float:
-    """Negative log likelihood of powers in octaves over the noise's, (K, J), above that of equal ones."""
+    """Log likelihood that powers lose which are the noise's times a ratio, against noise with these powers."""
     return float(0.5 * (independent * (ratio - 1 - np.log(ratio))).sum())
-
-
-def _lost(ratio: Array, independent: Array) -> float:
-    """Log likelihood that noise costs whose power in O octaves is the residual's times a ratio, (O,)."""
-    above = np.maximum(ratio, 1.0)
-    return float(0.5 * independent @ (np.log(above) + 1 / above - 1))

@@ -108,11 +108,7 @@ def harmless(validator: CrossValidator, effects: Sequence[Effect]) -> tuple[Effe
 
 
 def helped(validator: CrossValidator, effects: Sequence[Effect]) -> tuple[Effect, ...]:
-    """Those of some effects on whose own joints the error falls consistently, with all of them in the model.
-
-    The joints are tested one by one, so the level is shared among them (Bonferroni). Parameters are as in
-    `reason_against`.
-    """
+    """Those of some effects on whose own joints the error falls, with all of them in the model (Bonferroni)."""
     after = validator.extended(validator.joined(validator.candidates(effects)))
     columns = [{row for c in validator.candidates([effect]) for row in c.columns} for effect in effects]
     before, level = validator.base_predictive().sum(axis=0), validator.criteria.block_p_value / len(effects)

@@ -12,8 +12,8 @@ Start with `log`, then `readers` and `preprocessing`. The modules by the work th
 - **A log.** `log` in memory, `recording` chunk by chunk, `log_file` (where it lies). `frames` takes data frames,
   `given` all that a caller may give. `stretch` and `excerpt` are parts.
 - **A proposed mapping.** `mapping_guess` makes a `proposal` from a file (`mapping_table`): by names (`column_names`,
-  `column_words`), units (`column_units`), motion (`column_motion`), gains (`gain_guess`) and what is left
-  (`left_columns`). `mapping_fix` undoes the faults that a check found.
+  `column_words`), units (`column_units`), motion (`column_motion`), gains (`gain_guess`) and the columns
+  that none of these explains (`left_columns`). `mapping_fix` undoes the faults that a check found.
 - **Torque that was not measured.** `driven` takes it from commands (`controller`, `controller_values`,
   `delayed_commands`, `command_checks`) or from currents (`current_gains`).
 - **A motion.** `preprocessing` uses `time_grid`, `derivatives`, `filters` and `standstill`. `summary` looks at all logs
