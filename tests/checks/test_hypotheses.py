@@ -250,6 +250,14 @@ def test_a_unit_is_undone_and_an_odd_gain_is_only_said(log):
     assert report.fix == ()
 
 
+def test_a_torque_at_its_limits_has_no_scale(log):
+    """A drive that only reaches its two limits does not follow the load, so a multiple of the load is no reading."""
+    tau = np.array(log.tau)
+    tau[:, 1] = 2.0 * np.sign(tau[:, 1] - np.median(tau[:, 1]) + 300.0 * np.sin(2 * np.pi * log.t))
+    found, _ = issues(replace(log, tau=tau))
+    assert "torque scale" not in found
+
+
 def test_logs_that_need_different_corrections_are_still_reported(tmp_path, log):
     for name, one in (("a", log), ("b", signed(log, *range(6)))):
         write_log(one, tmp_path / f"{name}.parquet")
