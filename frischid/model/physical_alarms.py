@@ -44,16 +44,16 @@ def wrong_signs(
     if not bad:
         return []
     known = {n: values[n] for n, _ in bad if values and n in values}
-    says = f": {', '.join(f'{n} ({x:.1f} s.e.)' for n, x in bad)}. {_in_the_model(known)}"
+    says = f": {', '.join(f'{_in_the_model(n, known)} ({x:.1f} s.e.)' for n, x in bad)}."
     return [_sign_alarm(says, [column.joint for column, _ in known.values()], max(x for _, x in bad), criteria)]
 
 
-def _in_the_model(values: Mapping[str, tuple[Column, float]]) -> str:
-    """Which of these parameters are negative in the model, and which are zero."""
-    negative = [f"{n} = {x:.3g} {column.unit}" for n, (column, x) in values.items() if x < 0.0]
-    zero = [n for n, (_, x) in values.items() if x == 0.0]
-    has = [f"has {listed(negative)}"] * bool(negative) + [f"holds {listed(zero)} at zero"] * bool(zero)
-    return f"The model {', and '.join(has)}." if has else ""
+def _in_the_model(name: str, values: Mapping[str, tuple[Column, float]]) -> str:
+    """A parameter with its value in the model, if that is known."""
+    if name not in values:
+        return name
+    column, x = values[name]
+    return f"{name} = {x:.3g} {column.unit}" if x else f"{name}, held at 0"
 
 
 def _sign_alarm(says: str, joints: Sequence[str], value: float | None, criteria: AlarmCriteria) -> Alarm:
@@ -85,9 +85,8 @@ def indefinite_mass(model: Model, found: LeastInertia, where: str, criteria: Ala
         Alarm(
             INERTIA,
             "doubt",
-            f"The model's mass matrix is not positive definite at {percent(found.share)} of the {where}: "
-            f"{eigenvalue_in_words(model.robot, found)}. No motion follows from a torque, so the model cannot be "
-            "simulated.",
+            f"The model cannot be simulated: its mass matrix is not positive definite at {percent(found.share)} of the "
+            f"{where}, mostly because of {found.joint}.",
             remedy(model, criteria),
             (found.joint,),
             found.value,
@@ -128,8 +127,7 @@ def remedy(model: Model, criteria: AlarmCriteria | None = None) -> str:
     others = ", ".join(str(effect) for effect in model.effects if effect.id not in owners)
     return (
         f"To simulate, identify without {' and '.join(sorted(owners))} (--effects {shlex.quote(others)}), then find "
-        f"links that can exist (frischid consistent). frischid consistent alone keeps {listed([c.name for c in kept])} "
-        "below zero, where the logs clearly put such values."
+        "links that can exist (frischid consistent)."
     )
 
 
@@ -167,5 +165,6 @@ def _in_physical_links(alarm: Alarm, model: Model, criteria: AlarmCriteria) -> A
     pairs = ((c.name, c, model.parameter(c.name)) for c in columns if c.sign > 0)
     negative = {name: (column, x) for name, column, x in pairs if x < 0.0}
     says = f" ({listed(alarm.joints)})" * bool(alarm.joints)
-    has = _in_the_model(negative) or "In this model none of them is negative."
+    values = listed([_in_the_model(name, negative) for name in negative])
+    has = f"This model has {values}." if values else "In this model none of them is negative."
     return replace(_sign_alarm(f"{says}. {has}", alarm.joints, alarm.value, criteria), severity=alarm.severity)
