@@ -228,7 +228,7 @@ class CheckCriteria:
     least_odds: float = 20.0
     """Posterior odds against no fault. A hypothesis with lower odds is not named. (clean)"""
     likely_probability: float = 0.9
-    """Probability against the runner-up. Above it a fault is "likely", below it "possible". (planted)"""
+    """Probability against the rivals. Above it a fault is "likely", below it "possible". (planted)"""
     changed_nrmse: float = 0.02
     """NRMSE. A hypothesis changes the rows whose error changes by more than this. (planted)"""
     discrete_share: float = 0.5

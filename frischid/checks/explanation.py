@@ -6,8 +6,8 @@ Every hypothesis h is a set of faults. It is scored by a posterior,
 
 where e_j is the error of joint j with the faults undone and friction fitted, n_j the number of independent samples, and
 e_URDF the error that URDFs have anyway: below it, a smaller error proves nothing. A fault costs more if there are many
-places for it, or if numbers are fitted (Schwarz 1978). The probability of the best hypothesis against the runner-up is
-1 / (1 + exp(score₂ − score₁)).
+places for it, or if numbers are fitted (Schwarz 1978). The probability of the best hypothesis is
+1 / (1 + Σ_r exp(score_r − score)), with its rivals r.
 
 Faults of positions (`position_faults`) and of the robot (`robot_faults`) give other rigid torques. For each of them
 the best faults of single torques follow row by row (`torque_faults`). Two such faults together are tried from the best
@@ -21,14 +21,15 @@ fault of positions has one more rival: positions that are right, and links that 
 
 The likeliest hypothesis may hold more faults than can be named. Each part of it is judged by itself (`parts_of`). A
 part is named if it explains half of the error of its rows. Fitted numbers and zeros, also those that are off by a
-quarter turn, must also be a better explanation than errors of the URDF's links, which every URDF has (`_beats_links`),
-all of them together and each beside the others: a spring that is real must not vouch for a zero that is not. A body, a
-spring or another zero of one joint explains most of the error of its rows where the links behind that joint are wrong,
-and so would the right links.
+quarter turn, have one more rival: errors of the URDF's links, which every URDF has. These errors are the rival of all
+the faults together and of each beside the others (`_lead_over_links`): a spring that is real must not vouch for a zero
+that is not. A body, a spring or another zero of one joint explains most of the error of its rows where the links behind
+that joint are wrong, and so would the right links.
 """
 
 from __future__ import annotations
 
+import math
 from collections.abc import Callable, Iterable, Sequence
 from dataclasses import dataclass, replace
 
@@ -43,6 +44,7 @@ from frischid.checks.robot_faults import CARRIED_LOAD, robot_faults, shared_erro
 from frischid.checks.row_fits import RowFits
 from frischid.checks.sketch import Sketch
 from frischid.checks.torque_faults import local_fits
+from frischid.core.types import Array
 
 SHARED_KINDS = ("mounting", "no gravity", "payload", CARRIED_LOAD)
 ROBOT_KINDS = (*SHARED_KINDS, "motor coupling")
@@ -59,20 +61,25 @@ BEAM = 3
 
 @dataclass(frozen=True)
 class Explanation:
-    """The best hypothesis, its probability against the runner-up, the best one without all that the torques need.
+    """The best hypothesis, its probability against its rivals, the best one without all that the torques need.
 
-    The needed faults are those of the likeliest part of the best hypothesis with which the URDF explains every torque
-    as well as a log must be explained. The others improve a torque that is explained already.
+    Rivals are the runner-up and, for faults whose numbers are fitted, errors of the URDF's links: `links` where these
+    are likelier than the runner-up. The needed faults are those of the likeliest part of the best hypothesis with which
+    the URDF explains every torque as well as a log must be explained. The others improve a torque that is explained
+    already.
     """
 
     best: Hypothesis
     probability: float
     runner_up: Hypothesis | None
     needed: Hypothesis
+    links: bool = False
 
     def odds(self, said: int) -> str:
         """The probability in words, beside how many faults that are named."""
-        if self.runner_up is None or not self.runner_up.faults:
+        if self.links:
+            against = "links that weigh something else than the URDF says"
+        elif self.runner_up is None or not self.runner_up.faults:
             against = "no fault"
         else:
             against = " and ".join(f"{f.kind} of {', '.join(f.where) or 'the robot'}" for f in self.runner_up.faults)
@@ -103,12 +110,13 @@ def explain(sketch: Sketch, contradicted: Callable[[Sketch], bool] = lambda corr
     others = [h for h in [*found, null] if not h.key >= best.key]
     runner = max(others, key=_score, default=None)
     reached = likeliest.score if best is enough[0] else best.score  # a part of a hypothesis that was refused
-    gap = np.inf if runner is None else reached - runner.score
+    gaps = np.array([np.inf if runner is None else reached - runner.score, _lead_over_links(best, null)])  # of rivals
     parts = [h for h in enough if h.key <= best.key and (h is best or _is_good(h))]
     needed, best = max(parts, key=_fewest_faults), replace(best, faults=_by_evidence(best))
     # One that has all that is named, and only lacks a fault that is not, is no rival to tell the user of.
     told = max((h for h in others if not h.key >= needed.key), key=_score, default=None)
-    return Explanation(best, float(1 / (1 + np.exp(np.clip(-gap, -50, 50)))), told, needed)
+    probability = float(1 / (1 + np.exp(np.clip(-gaps, -50, 50)).sum()))
+    return Explanation(best, probability, told, needed, bool(gaps[1] < gaps[0]))
 
 
 def _tried(sketch: Sketch, null: Hypothesis) -> list[Hypothesis]:
@@ -290,25 +298,34 @@ def _is_enough(hypothesis: Hypothesis, null: Hypothesis) -> bool:
     removed = 1 - float(np.sum(after[changed] ** 2)) / max(float(np.sum(before[changed] ** 2)), 1e-12)
     if not changed.any() or removed <= criteria.discrete_share:
         return False
-    if all(f.discrete and f.kind != JOINT_ZERO for f in hypothesis.faults):
-        return True
-    fitted = [f for f in separable(hypothesis) if not f.discrete or f.kind == JOINT_ZERO]
-    rivals = [null, *(without(hypothesis, [f]) for f in fitted if len(hypothesis.faults) > 1)]
-    return all(_beats_links(hypothesis, rival) for rival in rivals)
+    return _lead_over_links(hypothesis, null) > math.log(criteria.least_odds)
 
 
-def _beats_links(hypothesis: Hypothesis, rival: Hypothesis) -> bool:
-    """Whether a hypothesis is better than a rival with fewer faults if the URDF's links have errors in both cases.
+def _lead_over_links(hypothesis: Hypothesis, null: Hypothesis) -> float:
+    """Least score of a hypothesis over fewer of its faults, if the URDF's links have errors in both cases.
 
-    The size of these errors is unknown: in each case the likeliest counts (empirical Bayes).
+    Fewer are none, and all but one that has a fitted number. Infinite for faults without a fitted number.
     """
-    criteria, noise = hypothesis.sketch.criteria, np.maximum(hypothesis.errors, LEAST_ERROR)
-    more, fewer = (
-        max(evidence(h.sketch, noise, RowFits(h.sketch).weight, s, criteria.nrmse_cap) for s in LINK_ERRORS)
-        for h in (hypothesis, rival)
-    )
-    price = sum(f.cost for f in hypothesis.faults) - sum(f.cost for f in rival.faults)
-    return bool(more - fewer > price + np.log(criteria.least_odds))
+    if all(f.discrete and f.kind != JOINT_ZERO for f in hypothesis.faults):
+        return np.inf
+    fitted = [f for f in separable(hypothesis) if not f.discrete or f.kind == JOINT_ZERO]
+    fewer = [null, *(without(hypothesis, [f]) for f in fitted if len(hypothesis.faults) > 1)]
+    noise = np.maximum(hypothesis.errors, LEAST_ERROR)
+    best = _evidence_with_links(hypothesis, noise)
+    return min(best - _evidence_with_links(rival, noise) for rival in fewer)
+
+
+def _evidence_with_links(hypothesis: Hypothesis, noise: Array) -> float:
+    """Evidence of a hypothesis beside errors of the links; of their sizes the likeliest counts (empirical Bayes).
+
+    Parameters
+    ----------
+    noise : ndarray, shape (R,)
+        NRMSE of the rows' own noise.
+    """
+    sketch, weight = hypothesis.sketch, RowFits(hypothesis.sketch).weight
+    likeliest = max(evidence(sketch, noise, weight, s, sketch.criteria.nrmse_cap) for s in LINK_ERRORS)
+    return likeliest - sum(f.cost for f in hypothesis.faults)
 
 
 def _is_good(hypothesis: Hypothesis) -> bool:

@@ -2,7 +2,7 @@
 
 A log is accepted when the nominal URDF with fitted friction explains its torques. Otherwise faults are tried against
 each other, alone and together (`frischid.checks.explanation`), and the simplest that explains the torques is named with
-its probability against the runner-up. If no fault explains the error, the URDF may be that of another robot: then the
+its probability against its rivals. If no fault explains the error, the URDF may be that of another robot: then the
 URDF's rigid part predicts nothing, while freely fitted parameters of the same joints predict the torque.
 """
 

@@ -102,9 +102,17 @@ class RowFits:
 
     def gain(self, k: int, y: Array) -> tuple[float, float]:
         """RMS of y after a multiple ≥ 0 of the nominal torque and friction, and the multiple."""
-        A = np.column_stack([self.nominal[k], self.sketch.motion.friction(self.rows[k])[self.uses[k]]])
+        A = np.column_stack([self.nominal[k], self._friction(k)])
         x, norm = nnls(A, y)
         return float(norm / np.sqrt(len(y))), float(x[0])
+
+    def hears_load(self, k: int, y: Array, error: float, spread: float) -> bool:
+        """Whether y follows the load: an NRMSE with a multiple of the nominal torque pays for it (Schwarz 1978)."""
+        without = float(nnls(self._friction(k), y)[1]) / np.sqrt(len(y)) / spread
+        return self.value(k, error) - self.value(k, without) > 0.5 * math.log(max(self.weight[k], 2.0))
+
+    def _friction(self, k: int) -> Array:
+        return np.asarray(self.sketch.motion.friction(self.rows[k])[self.uses[k]])
 
     def value(self, k: int, error: float) -> float:
         """Log-likelihood of row k; below the error that URDFs have anyway, less error is worth little."""

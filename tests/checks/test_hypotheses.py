@@ -250,6 +250,14 @@ def test_a_unit_is_undone_and_an_odd_gain_is_only_said(log):
     assert report.fix == ()
 
 
+def test_a_torque_at_its_limits_has_no_scale(log):
+    """A drive that only reaches its two limits does not follow the load, so a multiple of the load is no reading."""
+    tau = np.array(log.tau)
+    tau[:, 1] = 2.0 * np.sign(tau[:, 1] - np.median(tau[:, 1]) + 300.0 * np.sin(2 * np.pi * log.t))
+    found, _ = issues(replace(log, tau=tau))
+    assert "torque scale" not in found
+
+
 def test_logs_that_need_different_corrections_are_still_reported(tmp_path, log):
     for name, one in (("a", log), ("b", signed(log, *range(6)))):
         write_log(one, tmp_path / f"{name}.parquet")
@@ -612,5 +620,15 @@ def test_a_zero_that_is_off_by_a_quarter_turn_has_the_links_as_a_rival(log, monk
     """A motor that turned with two joints, and a wrong centre of mass of the last link, were a zero off by 90°."""
     turned = shifted(log, 2, np.pi / 2)
     assert "joint zero" in issues(turned)[0]
-    monkeypatch.setattr(explanation, "_beats_links", lambda hypothesis, null: False)
+    monkeypatch.setattr(explanation, "_lead_over_links", lambda hypothesis, null: 0.0)
     assert "joint zero" not in issues(turned)[0]
+
+
+def test_links_that_are_nearly_as_likely_are_in_the_probability(log, monkeypatch):
+    """A body was "0.99 against a spring" where links of another weight were 20 times less likely, and unsaid."""
+    turned = shifted(log, 2, np.pi / 2)
+    assert "0.99 against" in issues(turned)[0]["joint zero"].what
+    monkeypatch.setattr(explanation, "_lead_over_links", lambda hypothesis, null: np.log(25.0))
+    found, report = issues(turned)
+    assert "probability 0.96 against links that weigh something else" in found["joint zero"].what
+    assert report.facts["explanation"]["probability"] == pytest.approx(25 / 26, abs=1e-3)
