@@ -9,7 +9,7 @@ Start with `report`, which calls the checks in this order:
 2. The torques against the URDF, on a `sketch` (with `sketch_motion`): some filtered samples, on which hypotheses are
    cheap. `physics` asks `explanation`, which compares faults of torques (`torque_faults`), of positions
    (`position_faults`, `degrees`) and of the robot (`robot_faults`, `payload`, `carried_load`). They share `row_fits`
-   and the type `faults`. `other_links` and `kinematic_evidence` are rivals: links of other weight.
+   and the types of `faults` and `hypothesis`. `other_links` and `kinematic_evidence` are rivals: links of other weight.
 3. `lag` (of the torque) and `excitation`.
 
 `log_issue` has the results. `long_log` makes one report from those on the pieces of a long log. `defects` and

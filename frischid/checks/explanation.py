@@ -19,11 +19,12 @@ other combination without it explains more, and says which of its faults the tor
 fault of positions has one more rival: positions that are right, and links that weigh something else than the URDF says
 (`other_links`).
 
-The likeliest hypothesis may hold more faults than can be named. Each part of it is judged by itself (`_parts`). A part
-is named if it explains half of the error of its rows. Fitted numbers and zeros, also those that are off by a quarter
-turn, have one more rival: errors of the URDF's links, which every URDF has (`_lead_over_links`). A body, a spring or
-another zero of one joint explains most of the error of its rows where the links behind that joint are wrong, and so
-would the right links.
+The likeliest hypothesis may hold more faults than can be named. Each part of it is judged by itself (`parts_of`). A
+part is named if it explains half of the error of its rows. Fitted numbers and zeros, also those that are off by a
+quarter turn, have one more rival: errors of the URDF's links, which every URDF has. These errors are the rival of all
+the faults together and of each beside the others (`_lead_over_links`): a spring that is real must not vouch for a zero
+that is not. A body, a spring or another zero of one joint explains most of the error of its rows where the links behind
+that joint are wrong, and so would the right links.
 """
 
 from __future__ import annotations
@@ -31,11 +32,11 @@ from __future__ import annotations
 import math
 from collections.abc import Callable, Iterable, Sequence
 from dataclasses import dataclass, replace
-from itertools import combinations
 
 import numpy as np
 
 from frischid.checks.faults import Fault, cost
+from frischid.checks.hypothesis import POSITION_KINDS, Hypothesis, hypothesis_of, parts_of, separable, without
 from frischid.checks.other_links import evidence_of_other_links
 from frischid.checks.payload import LEAST_ERROR, evidence
 from frischid.checks.position_faults import JOINT_ZERO, joint_faults, merged, position_faults
@@ -45,7 +46,6 @@ from frischid.checks.sketch import Sketch
 from frischid.checks.torque_faults import local_fits
 from frischid.core.types import Array
 
-POSITION_KINDS = ("position sign", "swapped positions", "swapped joints", "joint zero", "degrees")
 SHARED_KINDS = ("mounting", "no gravity", "payload", CARRIED_LOAD)
 ROBOT_KINDS = (*SHARED_KINDS, "motor coupling")
 LINK_ERRORS = (0.1, 0.2, 0.4, 0.8, 1.6)
@@ -57,21 +57,6 @@ SHARED_SAMPLES = 100
 """Samples on which hypotheses are compared before faults of the robot are added."""
 BEAM = 3
 """Hypotheses from which further faults are tried."""
-
-
-@dataclass(frozen=True, eq=False)
-class Hypothesis:
-    """Some faults, their score, the errors that they leave (R,), and the log with them undone."""
-
-    faults: tuple[Fault, ...]
-    score: float
-    errors: Array
-    sketch: Sketch
-
-    @property
-    def key(self) -> frozenset[tuple[str, tuple[str, ...]]]:
-        """The claim of the hypothesis."""
-        return frozenset((fault.kind, fault.where) for fault in self.faults)
 
 
 @dataclass(frozen=True)
@@ -113,7 +98,7 @@ def explain(sketch: Sketch, contradicted: Callable[[Sketch], bool] = lambda corr
     null = Hypothesis((), RowFits(sketch).total(sketch.asis), sketch.asis, sketch)
     found = _tried(sketch, null)
     likeliest = max([*found, null], key=_score)
-    found += [h for h in _parts(likeliest) if h.faults]
+    found += [h for h in parts_of(likeliest) if h.faults]
     enough = sorted((h for h in found if h.key <= likeliest.key and _is_enough(h, null)), key=_score, reverse=True)
     fair = enough
     if any(map(_has_position_fault, enough)):
@@ -147,7 +132,7 @@ def _tried(sketch: Sketch, null: Hypothesis) -> list[Hypothesis]:
     least = min((f.cost for f in so_far.faults), default=0.0)
     if _lead_without_faults(so_far) - least <= np.log(sketch.criteria.least_odds):
         return found  # a single fault that explains everything would be no better
-    found += [*_two_of_positions(found, so_far), *(_hypothesis((x.fault,), x.sketch) for x in joint_faults(sketch))]
+    found += [*_two_of_positions(found, so_far), *(hypothesis_of((x.fault,), x.sketch) for x in joint_faults(sketch))]
     behind = _behind_the_robot(found)
     found += (shared := _of_the_robot([*behind, *_best(h for h in found if _has_robot_fault(h))]))
     found += _of_the_robot(_best(h for h in shared if h.faults[-1].kind in SHARED_KINDS))
@@ -168,12 +153,6 @@ def _two_of_positions(found: Sequence[Hypothesis], so_far: Hypothesis) -> list[H
             if lead - _price(faults) > -odds or _with_merged(faults, item.sketch) > so_far.score - odds:
                 more += _readings(RowFits(item.sketch, begun), faults)
     return more
-
-
-def _hypothesis(faults: tuple[Fault, ...], sketch: Sketch) -> Hypothesis:
-    """Some faults that a sketch holds undone."""
-    errors = sketch.errors(sketch.nominal)
-    return Hypothesis(faults, RowFits(sketch).total(errors) - sum(f.cost for f in faults), errors, sketch)
 
 
 def _score(hypothesis: Hypothesis) -> float:
@@ -229,7 +208,7 @@ def _price(faults: Iterable[Fault]) -> float:
 
 def _with_merged(faults: Sequence[Fault], sketch: Sketch) -> float:
     """Score of some faults that a sketch holds undone, each fault of positions and torques together counted once."""
-    return _hypothesis(tuple(faults), sketch).score + merged(faults, len(sketch.rows), sketch.criteria)[1]
+    return hypothesis_of(tuple(faults), sketch).score + merged(faults, len(sketch.rows), sketch.criteria)[1]
 
 
 def _has_position_fault(hypothesis: Hypothesis) -> bool:
@@ -264,7 +243,7 @@ def _of_the_robot(starts: Iterable[Hypothesis]) -> list[Hypothesis]:
         for item in robot_faults(start.sketch):
             if item.fault.kind in {f.kind for f in start.faults}:
                 continue
-            found.append(_hypothesis((*start.faults, item.fault), item.sketch))
+            found.append(hypothesis_of((*start.faults, item.fault), item.sketch))
     return found
 
 
@@ -277,27 +256,16 @@ def _alone(sketch: Sketch, reading: Hypothesis) -> list[Hypothesis]:
         tau, nominal = sketch.tau.copy(), sketch.nominal.copy()
         tau[:, columns] = reading.sketch.tau[:, columns]
         nominal[:, columns] += springs[:, columns]
-        found.append(_hypothesis((fault,), replace(sketch, tau=tau, given_nominal=nominal)))
-    return found
-
-
-def _parts(hypothesis: Hypothesis) -> list[Hypothesis]:
-    """A hypothesis without some of the torques that it adds: each may take up what the URDF misses anyway."""
-    added, found = [f for f in hypothesis.faults if f.torque is not None], []
-    for n in range(1, len(added) + 1):
-        for dropped in combinations(added, n):
-            kept = tuple(f for f in hypothesis.faults if f not in dropped)
-            nominal = hypothesis.sketch.nominal - sum(f.torque for f in dropped if f.torque is not None)
-            found.append(_hypothesis(kept, replace(hypothesis.sketch, given_nominal=nominal)))
+        found.append(hypothesis_of((fault,), replace(sketch, tau=tau, given_nominal=nominal)))
     return found
 
 
 def _by_evidence(hypothesis: Hypothesis) -> tuple[Fault, ...]:
     """Its faults, first those without fitted numbers, then those without which the torques are explained worst."""
-    without = {frozenset(h.key): h.score for h in _parts(hypothesis)}
+    scores = {frozenset(h.key): h.score for h in parts_of(hypothesis)}
 
     def left(fault: Fault) -> float:
-        return without.get(hypothesis.key - {(fault.kind, fault.where)}, -np.inf)
+        return scores.get(hypothesis.key - {(fault.kind, fault.where)}, -np.inf)
 
     return tuple(sorted(hypothesis.faults, key=left))
 
@@ -334,19 +302,30 @@ def _is_enough(hypothesis: Hypothesis, null: Hypothesis) -> bool:
 
 
 def _lead_over_links(hypothesis: Hypothesis, null: Hypothesis) -> float:
-    """Score of a hypothesis over that of none, if the URDF's links have errors in both cases.
+    """Least score of a hypothesis over fewer of its faults, if the URDF's links have errors in both cases.
 
-    The size of these errors is unknown: in each case the likeliest counts (empirical Bayes). Infinite for faults
-    without a fitted number.
+    Fewer are none, and all but one that has a fitted number. Infinite for faults without a fitted number.
     """
     if all(f.discrete and f.kind != JOINT_ZERO for f in hypothesis.faults):
         return np.inf
-    criteria, noise = null.sketch.criteria, np.maximum(hypothesis.errors, LEAST_ERROR)
-    with_faults, without = (
-        max(evidence(h.sketch, noise, RowFits(h.sketch).weight, s, criteria.nrmse_cap) for s in LINK_ERRORS)
-        for h in (hypothesis, null)
-    )
-    return with_faults - without - sum(f.cost for f in hypothesis.faults)
+    fitted = [f for f in separable(hypothesis) if not f.discrete or f.kind == JOINT_ZERO]
+    fewer = [null, *(without(hypothesis, [f]) for f in fitted if len(hypothesis.faults) > 1)]
+    noise = np.maximum(hypothesis.errors, LEAST_ERROR)
+    best = _evidence_with_links(hypothesis, noise)
+    return min(best - _evidence_with_links(rival, noise) for rival in fewer)
+
+
+def _evidence_with_links(hypothesis: Hypothesis, noise: Array) -> float:
+    """Evidence of a hypothesis beside errors of the links; of their sizes the likeliest counts (empirical Bayes).
+
+    Parameters
+    ----------
+    noise : ndarray, shape (R,)
+        NRMSE of the rows' own noise.
+    """
+    sketch, weight = hypothesis.sketch, RowFits(hypothesis.sketch).weight
+    likeliest = max(evidence(sketch, noise, weight, s, sketch.criteria.nrmse_cap) for s in LINK_ERRORS)
+    return likeliest - sum(f.cost for f in hypothesis.faults)
 
 
 def _is_good(hypothesis: Hypothesis) -> bool:

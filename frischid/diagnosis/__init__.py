@@ -27,7 +27,8 @@ has no such part. Noise of drives that is as slow as the motion belongs to it (`
 `healthy_twin` is the floor of the error without an effect.
 
 `addition` adds an effect: `shape_choice` gives its shape, `refit` all parameters, a `step` is the outcome.
-`improvement` adds findings step by step (`step_acceptance`: may a step stay?), `effect_curves` draws them.
+`improvement` adds findings step by step (`step_acceptance`: may a step stay, by the `rises` of errors at rest?).
+`effect_curves` draws them.
 `motion_space` adds each finding and simulates the motion.
 Every number that decides is a field of `criteria.DiagnosisCriteria`.
 """

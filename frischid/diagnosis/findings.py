@@ -171,15 +171,15 @@ class Finding:
             said = "all of the error is at reversals and standstill, and the motion shows less than half of the effect"
             return said if self.absent_in_motion else ""
         if floors <= criteria.floor_tolerance:
-            return "the error there is hardly more than the sensor noise"
+            return "in this search, the error there is hardly more than the sensor noise"
         if self.negligible:
             return "the error above the sensor noise there is negligible"
         if self.share == 0:
             return "it explains none of the error above the sensor noise there"
         least = criteria.half_explained
         if floors <= criteria.clear_error and self.share < least:
-            times = f"{floors:.1f} times the noise"
-            return f"{self._explained(least)}, and must explain {percent(least)}, because the error is only {times}"
+            why = f"because in this search the error is only {floors:.1f} times the noise"
+            return f"{self._explained(least)}, and must explain {percent(least)}, {why}"
         return ""
 
     def _explained(self, least: float) -> str:

@@ -26,7 +26,8 @@ A fit to one log of two may leave a coefficient open, and predict the other log 
 
   so that every joint counts by its relative change. In the mean NRMSE the joint with the largest error counts most, and
   its gain could hide harm to all others.
-- *Standstill*: this ratio must not rise significantly when samples at standstill count too.
+- *Standstill*: this ratio must not rise significantly when samples at standstill count too. The error of a joint that
+  rests in a pose stays as it is, so each of its rests is one observation, however long, and no block of time.
 - *Signs*: a coefficient of known sign has this sign.
 - *Friction brakes*: on the logs' motion at a multiple of its speed, the friction of each joint takes energy,
 
@@ -52,6 +53,7 @@ from frischid.core.types import Array
 from frischid.diagnosis.block_test import LEAST_BLOCKS, counted_squares, p_value_of, share_of_rows
 from frischid.diagnosis.criteria import DiagnosisCriteria
 from frischid.diagnosis.cross_validation import CrossValidator
+from frischid.diagnosis.rises import Rises
 from frischid.effects import Effect, columns_of
 from frischid.estimators.p_values import mean_above_zero
 from frischid.logs.log import Log
@@ -307,33 +309,21 @@ def worse_with_standstill(
     logs : sequence of Log or Recording
         The logs that select.
     """
-    rises: list[Array] = []
-    last = None
-    sums = np.zeros((2, len(before.joints)))
-    for squares, block in _squares(before, after, logs, criteria.block_seconds):
+    sums, rises = np.zeros((2, len(before.joints))), Rises(len(before.joints), criteria.block_seconds)
+    for part, squares in _squares(before, after, logs):
         sums += squares.sum(axis=1)
-        numbers, place = np.unique(block, return_inverse=True)
-        found = np.zeros((len(numbers), len(before.joints)))
-        np.add.at(found, place, squares[1] - squares[0])
-        if numbers[0] == last:  # a part of a log may end within a block
-            rises[-1] += found[0]
-            found = found[1:]
-        rises += [*found]
-        last = numbers[-1]
+        rises.add(part, part.used[:, before.torque_index], squares[1] - squares[0])
     sums = np.maximum(sums, 1e-300)
-    if not rises or np.log(sums[1] / sums[0]).mean() <= np.log1p(criteria.harmless_rise):
+    if np.log(sums[1] / sums[0]).mean() <= np.log1p(criteria.harmless_rise):
         return False
-    return p_value_of((np.array(rises) / sums[0]).sum(axis=1)) < criteria.block_p_value
+    return p_value_of(rises.of_all(sums[0])) < criteria.block_p_value
 
 
-def _squares(
-    before: Model, after: Model, logs: Sequence[Log | Recording], seconds: float
-) -> Iterator[tuple[Array, Array]]:
-    """Squared errors without and with the effects, (2, M, J), and the block of time of each sample, for each part."""
+def _squares(before: Model, after: Model, logs: Sequence[Log | Recording]) -> Iterator[tuple[Block, Array]]:
+    """Each part of the logs with its squared errors without and with the effects, (2, M, J)."""
     index = before.torque_index
     for part, one, other in _predicted(before, after, logs):
-        errors = np.stack([part.tau - one, part.tau - other])[:, :, index]
-        yield errors**2, np.floor(part.t / seconds)
+        yield part, np.stack([part.tau - one, part.tau - other])[:, :, index] ** 2
 
 
 def _predicted(before: Model, after: Model, logs: Sequence[Log | Recording]) -> Iterator[tuple[Block, Array, Array]]:

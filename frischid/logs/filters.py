@@ -266,12 +266,17 @@ def noise_level(x: Array, t: Array | None = None) -> Array:
     -------
     ndarray, shape (...)
     """
-    fourth = np.diff(x, n=QUARTIC, axis=0) / np.sqrt(70.0) if t is None else _divided_differences(x, t)
+    fourth = fourth_differences(x) if t is None else _divided_differences(x, t)
     spread = robust_std(fourth)
     # Most differences of a quantised channel at standstill are zero: only the others show its noise. A velocity
     # behind a drive's filter runs out instead, to less than any sensor resolves.
     nothing = np.finfo(float).eps ** 2 * np.max(np.abs(x), axis=0, initial=0.0)
     return np.asarray(np.where(spread > nothing, spread, np.std(fourth, axis=0)))
+
+
+def fourth_differences(x: Array) -> Array:
+    """Fourth differences of even samples (N, ...), with weights of unit norm: white noise keeps its variance."""
+    return np.asarray(np.diff(x, n=QUARTIC, axis=0) / np.sqrt(70.0))
 
 
 def _divided_differences(x: Array, t: Array) -> Array:

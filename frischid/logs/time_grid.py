@@ -7,7 +7,8 @@ because a spline across the gap would invent samples.
 
 **Stamps that jitter.** A controller often samples at a regular rate, but the stamps are made later, on a busy computer.
 An error ε of the stamp then looks like an error ``q̇ ε`` of the position. A position that moves smoothly tells the two
-cases apart: with the stamps, or with a regular clock, it has less noise. The clock counts steps and is fitted to the
+cases apart: with the stamps, or with a regular clock, it has less noise. A joint at rest says nothing, so the noise of
+each joint is that of its fast samples (`noise_in_motion`). The clock counts steps and is fitted to the
 stamps, ``t_i ≈ t_0 + h k_i`` with k_i the steps so far, so lost samples stay lost. The count is right only if the
 stamps jitter about the clock, and do not move away from it for longer. Each stretch without a long gap has its own
 clock, and the longest stretch decides: across such a gap there is no noise to compare, and no step to count.
@@ -26,9 +27,10 @@ from numpy.typing import NDArray
 from scipy import ndimage
 from scipy.interpolate import make_interp_spline
 
+from frischid.core.bursts import robust_std
 from frischid.core.remembered import Remembered
 from frischid.core.types import Array
-from frischid.logs.filters import LowPass, noise_level
+from frischid.logs.filters import QUARTIC, LowPass, fourth_differences
 from frischid.logs.log import FEWEST_SAMPLES, Log
 
 LEAST_JITTER = 1e-3
@@ -95,10 +97,30 @@ def _regular(log: Log) -> Array | None:
     regular = np.concatenate([_clock(log.t[stretch], float(np.median(steps))) for stretch in stretches])
     longest = max(stretches, key=lambda stretch: stretch.stop - stretch.start)
     q = log.q[longest][:, moving]
-    stamped, clocked = (noise_level(uniform(t[longest], q)[1]) for t in (log.t, regular))
+    stamped, clocked = (noise_in_motion(uniform(t[longest], q)[1]) for t in (log.t, regular))
     share = np.median(clocked**2 / np.maximum(stamped**2, 1e-300))
     right = share < 1 - CLOCK_NOISE and _is_jitter(log.t[longest] - regular[longest])
     return regular if right else None
+
+
+def noise_in_motion(q: Array) -> Array:
+    """Noise of evenly sampled positions (N, J) where each joint is faster than its own rms speed, rad (m), (J,).
+
+    An error ε of a stamp adds ``q̇ ε`` to the position. So the samples above the rms speed hold most of what wrong
+    stamps add, and a joint that rests for most of a log is judged by the rest of the log.
+
+    Examples
+    --------
+    >>> import numpy as np
+    >>> from frischid.logs.time_grid import noise_in_motion
+    >>> jog = np.clip(np.linspace(-5, 6, 2000), 0, 1)[:, None]  # nine tenths at rest
+    >>> late = np.interp(np.arange(2000) + np.random.default_rng(0).normal(0, 0.1, 2000), np.arange(2000), jog[:, 0])
+    >>> bool(noise_in_motion(late[:, None])[0] > 1e-4 > noise_in_motion(jog)[0])
+    True
+    """
+    fourth, speed = fourth_differences(q), np.abs(q[QUARTIC:] - q[:-QUARTIC])
+    fast = speed >= np.sqrt(np.mean(speed**2, axis=0))
+    return np.array([robust_std(y[here]) for y, here in zip(fourth.T, fast.T, strict=True)])
 
 
 def _is_jitter(late: Array) -> bool:

@@ -134,6 +134,8 @@ class Alarm:
 FAULTY_LOG = "faulty-log"
 LEFT_OPEN = "log-leaves-open"
 LOGS_DISAGREE = "logs-disagree"
+MOST_SAID = 10.0
+"""Standard deviations of the torque above which the text of an alarm gives no figure."""
 CAUSES = (FAULTY_LOG, LOGS_DISAGREE, "log-too-short")
 """Alarms of the logs themselves: whatever else is wrong may follow from them, so they come first."""
 
@@ -155,12 +157,14 @@ def undetermined(disagreement: Mapping[str, float], criteria: AlarmCriteria) -> 
     if middle <= criteria.disagreement:
         return []
     where = tuple(n for n, x in disagreement.items() if x > criteria.disagreement)
+    # along directions that the logs hardly show, a fit without the URDF is as large as rounding lets it be
+    apart = "more than ten times" if middle > MOST_SAID else f"{percent(middle)} of"
     return [
         Alarm(
             LEFT_OPEN,
             "severe",
             f"The logs do not determine the model: on the same motion at {criteria.faster:g} times the speed, a fit "
-            f"without the URDF and the fit with the URDF differ by {percent(middle)} of the torque's standard "
+            f"without the URDF and the fit with the URDF differ by {apart} the torque's standard "
             "deviation (median joint). There the URDF decides, not the measurement.",
             "Trust the model only on motions like the fitted ones. Plan a motion that excites more (frischid excite), "
             "and record it.",

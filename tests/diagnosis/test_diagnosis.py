@@ -594,14 +594,14 @@ def test_a_joint_that_sticks_as_it_reverses_lacks_nothing():
         (
             1.5,
             0.4,
-            "it explains 40 % of the error above the sensor noise there, and must explain 50 %, because the",
+            "it explains 40 % of the error above the sensor noise there, and must explain 50 %, because in this",
         ),
         (1.5, 0.6, ""),
-        (1.1, 1.0, "the error there is hardly more than the sensor noise"),
+        (1.1, 1.0, "in this search, the error there is hardly more than the sensor noise"),
         (0.0, 0.6, "it explains 60 % of the error above the sensor noise there, and must explain"),
         (0.0, 0.9, ""),
         (2.5, 0.0, "it explains none of the error above the sensor noise there"),
-        (0.0, 0.0, "the error there is hardly more than the sensor noise"),
+        (0.0, 0.0, "in this search, the error there is hardly more than the sensor noise"),
     ],
     ids=[
         "far above",

@@ -1,6 +1,7 @@
 """May a step of `improve` stay: every joint counts by its relative change, and chance makes no joint worse."""
 
 from dataclasses import replace
+from itertools import pairwise
 from types import SimpleNamespace
 from typing import NamedTuple
 
@@ -13,6 +14,7 @@ from frischid.diagnosis.block_test import p_value_of
 from frischid.diagnosis.criteria import DiagnosisCriteria
 from frischid.diagnosis.findings import Finding
 from frischid.diagnosis.refit import refitted
+from frischid.diagnosis.rises import Rises
 from frischid.diagnosis.situation import cross_validator
 from frischid.diagnosis.step_acceptance import (
     harmless,
@@ -230,12 +232,12 @@ def test_the_fall_of_one_noisy_joint_does_not_pay_for_the_others():
     assert "together" in reason
 
 
-def models(before, after):
+def models(before, after, moves=None):
     """Two models with these residuals, (N, J), on one part of a log at 100 Hz."""
 
     def model(residual):
         count, joints = residual.shape
-        part = SimpleNamespace(tau=residual, t=np.arange(count) / 100)
+        part = part_of(residual, np.arange(count) / 100, moves)
         return SimpleNamespace(
             joints=[f"joint{k}" for k in range(joints)],
             torque_index=np.arange(joints),
@@ -245,8 +247,13 @@ def models(before, after):
 
     # both must see the same measured torque: the second predicts the difference
     first, second = model(before), model(before)
-    second.blocks = lambda _: [(SimpleNamespace(tau=before, t=np.arange(len(before)) / 100), before - after)]
+    second.blocks = lambda _: [(part_of(before, np.arange(len(before)) / 100, moves), before - after)]
     return first, second
+
+
+def part_of(tau, t, moves=None):
+    """A part of a log, in which the joints move where `moves`, (N, J); everywhere by default."""
+    return SimpleNamespace(tau=tau, t=t, used=np.ones(tau.shape, bool) if moves is None else moves, source="log")
 
 
 @pytest.mark.parametrize(("factor", "worse"), [(1.1, True), (0.9, False), (1.0 + 1e-4, False)])
@@ -280,6 +287,34 @@ def test_at_standstill_a_rise_in_a_single_block_is_chance():
     assert not worse_with_standstill(*models(before, after), [None], CRITERIA)
 
 
+@pytest.mark.parametrize(("rests", "worse"), [(4, False), (40, True)])
+def test_the_seconds_of_a_rest_are_no_repetitions(rests, worse):
+    """Two of four long rests had worse angles than the others, and forty seconds of rest counted as forty proofs.
+
+    Of forty rests, half have a rise of three and half a fall of one: that is no chance.
+    """
+    moves = np.zeros((4000, 2), bool)
+    moves[:: 4000 // rests] = True  # joint 1 moves for a moment between its rests
+    place = np.minimum(np.arange(4000) * rests // 4000, rests - 1) % 2
+    before = np.full((4000, 2), 2.0)
+    after = np.sqrt(4.0 + np.where(place == 0, 3.0, -1.0)[:, None] * [1.0, 0.0])
+    moves[:, 1] = True  # joint 2 moves all the time, and nothing changes there
+    assert worse_with_standstill(*models(before, after, moves), [None], CRITERIA) == worse
+
+
+@pytest.mark.parametrize("samples", [4000, 130, 7])
+def test_rests_go_on_from_part_to_part(samples):
+    moves = (np.arange(4000) % 900 < 100)[:, None]
+    rise, t = np.random.default_rng(0).normal(size=(4000, 1)), np.arange(4000) / 100
+    rises = Rises(1, 0.5)
+    for x in (slice(i, i + samples) for i in range(0, 4000, samples)):
+        rises.add(part_of(rise[x], t[x]), moves[x], rise[x])
+    kept = np.where(moves[:, 0], np.floor(t / 0.5), -1.0)
+    ends = [0, *(np.flatnonzero(np.diff(kept)) + 1), 4000]
+    expected = [rise[a:b].sum() for a, b in pairwise(ends)]
+    np.testing.assert_allclose(rises.of_all(np.array([2.0])), np.array(expected) / 2.0, atol=1e-12)
+
+
 @pytest.mark.parametrize("samples", [100, 25, 7])
 def test_the_parts_in_which_a_log_is_read_are_no_blocks_of_time(samples):
     """A rise that chance makes. Before, each second counted four times in parts of a quarter of a second."""
@@ -289,7 +324,7 @@ def test_the_parts_in_which_a_log_is_read_are_no_blocks_of_time(samples):
     for model in found:
         ((whole, predicted),) = model.blocks(None)
         columns = [np.split(x, range(samples, 1200, samples)) for x in (whole.tau, whole.t, predicted)]
-        parts = [(SimpleNamespace(tau=tau, t=t), y) for tau, t, y in zip(*columns, strict=True)]
+        parts = [(part_of(tau, t), y) for tau, t, y in zip(*columns, strict=True)]
         model.blocks = lambda _, parts=parts: parts
     assert not worse_with_standstill(*found, [None], CRITERIA)
 

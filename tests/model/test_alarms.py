@@ -129,6 +129,9 @@ def test_alarms_of_a_fit():
     (open_,) = undetermined({"a": 0.1, "b": 0.5, "c": 0.6}, CRITERIA)
     assert open_.joints == ("b", "c")
     assert open_.severity == "severe"
+    assert "differ by 50 % of the torque's standard deviation" in open_.sentence
+    (rounding,) = undetermined({"a": 3.7e10}, CRITERIA)  # had been 3668466611250 %
+    assert "differ by more than ten times the torque's standard deviation" in rounding.sentence
     assert ids(wrong_signs([("fv1", 1.0), ("fc2", 4.0)], CRITERIA)) == ["impossible-sign"]
     assert "fv1" not in wrong_signs([("fv1", 1.0), ("fc2", 4.0)], CRITERIA)[0].sentence
     assert ids(too_short(2.0, CRITERIA)) == ["log-too-short"]
