@@ -43,8 +43,8 @@ def edited_mjcf(model: Model, path: Path) -> str:
     Raises
     ------
     InputError
-        The file is no MJCF file in UTF-8, a joint of the model has no named body in it, or the welded bodies weigh more
-        than the link.
+        The file is no MJCF file in UTF-8, or has settings that make MuJoCo ignore the numbers; a joint of the model has
+        no named body in it, or the welded bodies weigh more than the link.
     """
     robot = model.robot
     try:
@@ -57,6 +57,7 @@ def edited_mjcf(model: Model, path: Path) -> str:
     if re.search(rb"inertiafromgeom\s*=\s*[\"']true", data):
         raise InputError(f'{path}: inertiafromgeom="true" makes MuJoCo ignore inertials; set it to "auto" first')
     root = elements(data, str(path))
+    _refuse_springdamper(root, path)
     bodies = (pair for pair in root.below() if (pair[0].name, pair[1].name) == ("body", "joint"))
     places = {tag.attributes.get("name", ""): (body, tag) for body, tag in bodies}
     own = model_of_mjcf(path)
@@ -91,6 +92,18 @@ def edited_mjcf(model: Model, path: Path) -> str:
     for start, end, text in sorted(changes, reverse=True):
         data = data[:start] + text.encode() + data[end:]
     return data.decode("utf-8")
+
+
+def _refuse_springdamper(root: Element, path: Path) -> None:
+    """Refuse (InputError) joints, or a class of joints, whose stiffness and damping MuJoCo makes from two numbers."""
+    for _, tag in root.below():
+        words = tag.attributes.get("springdamper", "").split() if tag.name == "joint" else []
+        if len(words) == 2 and all(word.strip("-0.") for word in words):
+            of = f" of joint '{name}'" if (name := tag.attributes.get("name")) else ""
+            raise InputError(
+                f"{path}, line {tag.line}: springdamper{of} makes MuJoCo ignore the joint's stiffness and damping; "
+                "write stiffness instead, with the value that MuJoCo computes (jnt_stiffness of its model)"
+            )
 
 
 def _positions(model: Model, data: bytes, root: Element) -> list[tuple[int, int, str]]:

@@ -33,6 +33,7 @@ _UNREAD = "unread"
 _FORCES = (
     ("body", "gravcomp", "gravity compensation"),
     ("joint", "stiffness", "springs of joints"),
+    ("joint", "springdamper", "springs of joints"),
     ("tendon", "stiffness", "springs of tendons"),
 )
 """Element, attribute that is not zero, and the force."""

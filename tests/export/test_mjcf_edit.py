@@ -239,6 +239,18 @@ def test_a_file_of_the_user_that_cannot_be_read_is_named(path, tmp_path):
     assert not list(tmp_path.glob("new*"))
 
 
+@pytest.mark.parametrize("place", ['<joint name="elbow"', "<default><joint"])
+def test_a_joint_whose_damping_mujoco_makes_of_other_numbers_is_refused(path, tmp_path, place):
+    """MuJoCo had damped the joint 4.5 times as much as the model, whatever the file said."""
+    robot = Robot.load(path)
+    model = identify(robot, [simulate(robot, random_fourier(robot, 8, seed=1), rate=50)], recursion="none").model
+    path.write_text(ARM.replace(place, f'{place} springdamper="0.1 1"'))
+    with pytest.raises(InputError, match=r"arm.xml, line \d+: springdamper.* makes MuJoCo ignore"):
+        export(model, tmp_path / "new.xml", into=path)
+    path.write_text(ARM.replace(place, f'{place} springdamper="0 1"'))  # MuJoCo takes no notice of this one
+    export(model, tmp_path / "new.xml", into=path)
+
+
 @pytest.mark.parametrize("effects", ["", "viscous@elbow", "coulomb, rotor_inertia@elbow"])
 def test_the_file_keeps_no_armature_and_no_friction_that_the_model_has_not(tmp_path, path, effects):
     path.write_text(
