@@ -624,3 +624,12 @@ def test_a_format_is_one_entry_of_the_table_of_formats(tmp_path, monkeypatch):
     path.write_text("t|q_elbow\n0|first\n")
     with pytest.raises(InputError, match=r"log.pipes: cannot be read as pipes \(could not convert"):
         read_log(path)
+
+
+@pytest.mark.parametrize("kind", ["int64", "uint64"])
+def test_a_clock_in_nanoseconds_that_starts_anew_below_the_first_stamp(tmp_path, kind):
+    """Of numbers without a sign, the difference was 2⁶⁴ ns, and the log 585 years long."""
+    ticks = 10**18 + 10**7 * np.arange(20)
+    np.savez(tmp_path / "log.npz", t=np.append(ticks + 5, ticks).astype(kind), q_a=np.zeros(40))
+    log = read_log(tmp_path / "log.npz", mapping={"file": {"time_unit": "ns", "zero_time": True}})
+    assert log.duration == pytest.approx(2 * 0.19 + 10.0)
