@@ -114,7 +114,8 @@ class PDController:
             for joint, value in values.items():
                 if value is not None or rule.name != "kd":
                     check_value(rule.name, joint, value)
-            object.__setattr__(self, rule.name, values if isinstance(given, Mapping) else float(given))
+            plain = {joint: None if x is None else float(x) for joint, x in values.items()}
+            object.__setattr__(self, rule.name, plain if isinstance(given, Mapping) else plain[""])
 
     def __str__(self) -> str:
         """The controller as the command line writes it."""
