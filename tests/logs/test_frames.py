@@ -48,7 +48,7 @@ def test_dates_of_a_frame_are_stamps_as_in_a_file(tmp_path):
 
 
 def test_two_columns_of_one_name_are_refused():
-    frame = pa.table(list(columns().values()) + [np.zeros(50)], names=[*columns(), "q_elbow"])
+    frame = pa.table([*columns().values(), np.zeros(50)], names=[*columns(), "q_elbow"])
     with pytest.raises(InputError, match="frame: two columns have the same name; rename one"):
         log_of_frame(frame)
     with pytest.raises(InputError, match=r"logs\[0\]: two columns have the same name; rename one"):
