@@ -112,7 +112,7 @@ def test_numbers_of_numpy_are_numbers_of_a_drive_and_of_a_filter():
     """They had been refused: a kp of 3 was "not below 1e+12"."""
     drive = fr.PDController(kp={"joint1": np.int64(3)}, kd=np.float32(0.5), delay=np.float32(0.25))
     assert drive == fr.PDController(kp={"joint1": 3.0}, kd=0.5, delay=0.25)
-    assert json.dumps(vars(fr.OutputErrorOptions(horizon=np.float32(0.5), stretches=np.int64(5))))  # of a model's history
+    assert json.dumps(vars(fr.OutputErrorOptions(horizon=np.float32(0.5), stretches=np.int64(5))))
     gains = fr.CurrentGains({"joint1": np.float32(3)}, {"joint1": np.float32(0.5)})
     assert json.loads(json.dumps([gains.to_dict(), drive.to_dict()]))[0] == gains.to_dict()
     model = fr.identify(ARM, [LOG], cutoff=np.int64(4), torque_lag=np.float32(0.0), recursion="none").model

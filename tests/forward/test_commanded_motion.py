@@ -87,7 +87,7 @@ def test_an_arm_rests_in_the_first_chunk_of_a_recording(servo):
     log = replace(servo, t=t, q=q, qcmd=goal)
     assert commanded_source(fr.PDController(kp=KP), in_chunks(log, 2), JOINTS).q_cmd.shape == q.shape
     still = replace(log, qcmd=np.zeros_like(q))
-    with pytest.raises(fr.InputError, match="servo: the commanded positions .* never move"):
+    with pytest.raises(fr.InputError, match=r"servo: the commanded positions .* never move"):
         commanded_source(fr.PDController(kp=KP), in_chunks(still, 2), JOINTS)
 
 
