@@ -26,10 +26,9 @@ from frischid.logs.cutoff_choice import LogSpectra, spectra_of
 from frischid.logs.filters import LowPass
 from frischid.logs.log import Log
 from frischid.logs.mapping import LogMap
-from frischid.logs.poses import is_static
 from frischid.logs.preprocessing import prepare
 from frischid.logs.readers import read_log
-from frischid.logs.recording import Motions, Recording, chunks_of, preview_of
+from frischid.logs.recording import Motions, Recording, moving_part, preview_of
 from frischid.logs.summary import summarise
 from frischid.model.identification import identify
 from frischid.model.identify_options import IdentifyOptions
@@ -116,15 +115,6 @@ def _open(path: Any, address: str, joints: Sequence[str], mapping: LogMap | None
     return replace(read_log(path, joints, mapping), source=address)
 
 
-def _moving_part(log: Log | Recording, joints: Sequence[str]) -> Log:
-    """The first chunk of a log in which the arm moves; the first one where it never does."""
-    chunks = chunks_of(log)
-    first = next(chunks)
-    if isinstance(log, Log) or not is_static(first.select(joints)):
-        return first
-    return next((chunk for chunk in chunks if not is_static(chunk.select(joints))), first)
-
-
 @dataclass(frozen=True)
 class Look:
     """First look at a log: its joints, the joints with a torque, and the spectra that decide the filter."""
@@ -147,7 +137,7 @@ def look(
             log = _open(path, log_path.address, joints, mapping)
             head = preview_of(log)
             torques = tuple(str(n) for n in np.compress(head.has("tau"), head.joints))
-            moving = _moving_part(log, [n for n in joints if n in head.joints])
+            moving = moving_part(log, [n for n in joints if n in head.joints])
             spectra = spectra_of(moving, [n for n in (rows or torques) if n in torques])
             return Look(head.joints, torques, spectra)
     except _LOG_FAULTS as error:
@@ -189,7 +179,7 @@ def measure(log_path: LogPath, job: Job) -> LogMoments | Skipped:
             merged = tuple(_merged(grams, _BLOCKS))
             if not total(merged).rows:
                 raise InputError(f"no torque to fit: {', '.join(job.rows)} at standstill in the whole log")
-            first = _moving_part(log, robot.joints).select(robot.joints)
+            first = moving_part(log, robot.joints).select(robot.joints)
             known = motions if isinstance(motions, list) else prepare(first, job.lowpass, velocity=job.velocity).motions
             report = inspect(
                 robot,
@@ -294,5 +284,5 @@ def _excerpt(one: RobotMoments, fleet: Model, mapping: LogMap | None) -> list[Lo
             break
         with local(address) as path:
             opened = _open(path, address, (*fleet.robot.joints, *fleet.robot.locked), mapping)
-            logs.append(_moving_part(opened, fleet.robot.joints))
+            logs.append(moving_part(opened, fleet.robot.joints))
     return logs
