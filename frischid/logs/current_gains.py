@@ -9,11 +9,11 @@ from __future__ import annotations
 
 from collections.abc import Mapping
 from dataclasses import asdict, dataclass, field, replace
-from numbers import Real
 from typing import Any
 
 import numpy as np
 
+from frischid.core.arguments import is_real
 from frischid.core.text import counted, shortened
 from frischid.errors import InputError
 from frischid.logs.log import GARBAGE, Log
@@ -51,12 +51,12 @@ class CurrentGains:
 
     def __post_init__(self) -> None:
         for joint, value in self.gain.items():
-            if isinstance(value, bool) or not isinstance(value, Real) or not 0 < abs(value) < GARBAGE:
+            if not is_real(value) or not 0 < abs(value) < GARBAGE:
                 raise InputError(
                     f"the torque per ampere of {joint} must be a number other than 0, got {shortened(value)}"
                 )
         for joint, value in self.doubt.items():
-            if isinstance(value, bool) or not isinstance(value, Real) or not 0 <= value < GARBAGE:
+            if not is_real(value) or not 0 <= value < GARBAGE:
                 raise InputError(
                     f"the doubt about the torque per ampere of {joint} must be at least 0, got {shortened(value)}"
                 )
