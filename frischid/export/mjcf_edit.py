@@ -25,7 +25,7 @@ from frischid.export.mjcf_share import JOINT_ATTRIBUTES, Share, share_of
 from frischid.export.names import number
 from frischid.model.model import Model
 from frischid.robot.inertia import dynamic_parameters, is_physical, pseudo_inertia
-from frischid.robot.mjcf_reading import model_of_mjcf
+from frischid.robot.mjcf_reading import in_degrees, model_of_mjcf
 from frischid.robot.robot import Robot
 from frischid.robot.xml_places import Element, elements
 
@@ -61,7 +61,7 @@ def edited_mjcf(model: Model, path: Path) -> str:
     bodies = (pair for pair in root.below() if (pair[0].name, pair[1].name) == ("body", "joint"))
     places = {tag.attributes.get("name", ""): (body, tag) for body, tag in bodies}
     own = model_of_mjcf(path)
-    share, locked = share_of(model), _locked_bodies(robot, own, path)
+    share, locked, degrees = share_of(model), _locked_bodies(robot, own, path), in_degrees(path)
     changes: list[tuple[int, int, str]] = []
     for i, joint in enumerate(robot.bodies):
         if joint not in places:
@@ -76,8 +76,9 @@ def edited_mjcf(model: Model, path: Path) -> str:
             raise InputError(f"{path}: the bodies {kind} to '{name}' weigh more than its identified link")
         changes.append(_inertial(body, new))
         if joint in robot.joints:
-            changes.append(_joint(data, tag, _values(model, joint, share, data)))
-            changes += _gears(data, tag, share.gears.get(joint), bool(robot.prismatic[robot.joints.index(joint)]))
+            scale = 180 / np.pi if degrees and not robot.prismatic[robot.joints.index(joint)] else 1.0
+            changes.append(_joint(data, tag, _values(joint, share, scale)))
+            changes += _gears(data, tag, share.gears.get(joint), scale)
     if model.controller is not None:
         changes += _positions(model, data, root)
     if share.gears and re.search(rb"<key\b[^>]*\bqpos\s*=", data):
@@ -119,18 +120,18 @@ def _positions(model: Model, data: bytes, root: Element) -> list[tuple[int, int,
     return changes
 
 
-def _values(model: Model, joint: str, share: Share, data: bytes) -> dict[str, float]:
-    """Attributes of a joint; the angle of its spring in the file's unit: degrees, unless the compiler says radian.
+def _values(joint: str, share: Share, scale: float) -> dict[str, float]:
+    """Attributes of a joint; the place of its spring in the file's unit, `scale` of which are one rad (m).
 
     Armature and friction that the model does not have are zero, or the file would still have its own.
     """
-    values, robot = dict.fromkeys(JOINT_ATTRIBUTES, 0.0) | share.joints[joint], model.robot
+    values = dict.fromkeys(JOINT_ATTRIBUTES, 0.0) | share.joints[joint]
     if "springref" in values:
-        values["springref"] = _in_unit(data, values["springref"], bool(robot.prismatic[robot.joints.index(joint)]))
+        values["springref"] *= scale
     return values
 
 
-def _gears(data: bytes, tag: Element, train: GearTrain | None, slides: bool) -> list[tuple[int, int, str]]:
+def _gears(data: bytes, tag: Element, train: GearTrain | None, scale: float) -> list[tuple[int, int, str]]:
     """The joints of gears, as new lines below the joint of their motor, with its place, axis and class."""
     if train is None:
         return []
@@ -142,14 +143,8 @@ def _gears(data: bytes, tag: Element, train: GearTrain | None, slides: bool) -> 
     indent = re.search(rb"[ \t]*$", data[:start])
     lead = "\n" + (indent.group().decode() if indent else "")
     at = tag.end
-    wanted = [replace(gear, gap=_in_unit(data, gear.gap, slides)) for gear in train.gears]
+    wanted = [replace(gear, gap=scale * gear.gap) for gear in train.gears]
     return [(at, at, "".join(lead + gear_line(gear, given | none) for gear in wanted))]
-
-
-def _in_unit(data: bytes, angle: float, slides: bool) -> float:
-    """An angle in the file's unit: degrees, unless the compiler says radian."""
-    radian = re.search(rb"<compiler[^>]*\bangle\s*=\s*[\"']radian", data) is not None
-    return angle if radian or slides else float(np.rad2deg(angle))
 
 
 def _last_tag(data: bytes, root: Element) -> int:

@@ -75,6 +75,18 @@ def gravity_of_mjcf(path: Path) -> tuple[float, float, float] | None:
     return None if found is None else stated_gravity(*found)
 
 
+def in_degrees(path: Path) -> bool:
+    """Whether the angles of an MJCF file are in degrees: unless a compiler, also of an included file, says radian.
+
+    Raises
+    ------
+    InputError
+        The file is no XML.
+    """
+    unit = _stated(path, "compiler", "angle")
+    return unit is None or unit[0] == "degree"
+
+
 def _stated(path: Path, element: str, attribute: str) -> tuple[str, str] | None:
     """The last attribute of this name in an MJCF file and in those that it includes, and the file that has it."""
     found = None
@@ -218,8 +230,7 @@ def urdf_of_mjcf(path: Path) -> str:
     # a body's name may stand for a joint too; links get names of their own where it does
     used = set(names[1:])
     links = ["world"] + [_free(f"link of {name}", used) for name in names[1:]]
-    gravity, unit = gravity_of_mjcf(path), _stated(path, "compiler", "angle")
-    degrees = unit is None or unit[0] == "degree"
+    gravity, degrees = gravity_of_mjcf(path), in_degrees(path)
     stated = "" if gravity is None else f' gravity="{_row(gravity)}"'
     stated += f' {_UNREAD}="{"; ".join(forces)}"' if (forces := _unread_forces(path)) else ""
     lines = [f"<robot name={quoteattr(model.name or path.stem)}{stated}>", f"  <link name={quoteattr(links[0])}/>"]

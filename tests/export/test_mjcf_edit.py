@@ -132,12 +132,21 @@ def test_only_numbers_change_and_they_are_the_identified_ones(path, tmp_path):
         )
 
 
-@pytest.mark.parametrize("unit", ["radian", "degree", ""])
+UNITS = {
+    "radian": '<compiler angle="radian"/>',
+    "degree": '<compiler angle="degree"/>',
+    "unsaid": "<compiler/>",
+    "radian in another file": '<include file="unit.xml"/>',  # read as degrees once: a spring 57 times too far away
+    "radian in a comment": '<!-- <compiler angle="radian"/> -->',
+}
+
+
+@pytest.mark.parametrize("unit", UNITS)
 @pytest.mark.parametrize("into", [True, False])
 def test_mujoco_has_the_torque_of_a_linear_spring(tmp_path, unit, into):
     text = ARM.replace('range="-2 2"', "").replace(' euler="0 0 0.4"', "")
-    text = text.replace('angle="radian"', f'angle="{unit}"' if unit else "")
-    (tmp_path / "arm.xml").write_text(text)
+    (tmp_path / "unit.xml").write_text('<mujoco><compiler angle="radian"/></mujoco>')
+    (tmp_path / "arm.xml").write_text(text.replace(UNITS["radian"], UNITS[unit]))
     robot = Robot.load(tmp_path / "arm.xml")
     effects = parse_effects("viscous, coulomb, offset, rotor_inertia, joint_spring@elbow")
     truth = {"ks2": 3.0, "off2": -0.6, "off1": 0.4}
