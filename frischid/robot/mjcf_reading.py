@@ -87,6 +87,12 @@ def in_degrees(path: Path) -> bool:
     return unit is None or unit[0] == "degree"
 
 
+def ignores_inertials(path: Path) -> bool:
+    """Whether a compiler of an MJCF file, also of an included one, takes every inertia from shapes."""
+    stated = _stated(path, "compiler", "inertiafromgeom")
+    return stated is not None and stated[0] == "true"
+
+
 def _stated(path: Path, element: str, attribute: str) -> tuple[str, str] | None:
     """The last attribute of this name in an MJCF file and in those that it includes, and the file that has it."""
     found = None
@@ -143,7 +149,7 @@ def _refuse_unread_masses(path: Path) -> None:
         The file states ``settotalmass``, or ``inertiagrouprange`` for bodies whose masses follow from their shapes.
     """
     inertials = [tag.find("inertial") is not None for tag, _ in _elements(path) if tag.tag == "body"]
-    of_shapes = not all(inertials) or (_stated(path, "compiler", "inertiafromgeom") or ("",))[0] == "true"
+    of_shapes = not all(inertials) or ignores_inertials(path)
     total = _stated(path, "compiler", "settotalmass")
     for setting, matters in (
         ("settotalmass", total is not None and not total[0].strip().startswith("-")),

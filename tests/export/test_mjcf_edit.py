@@ -248,6 +248,19 @@ def test_a_file_of_the_user_that_cannot_be_read_is_named(path, tmp_path):
     assert not list(tmp_path.glob("new*"))
 
 
+def test_a_file_whose_inertials_mujoco_ignores_is_refused(path, tmp_path):
+    """Where an included file says so, the written masses had no effect."""
+    robot = Robot.load(path)
+    model = identify(robot, [simulate(robot, random_fourier(robot, 8, seed=1), rate=50)], recursion="none").model
+    (tmp_path / "unit.xml").write_text('<mujoco><compiler angle="radian" inertiafromgeom="true"/></mujoco>')
+    for text in ('<include file="unit.xml"/>', '<compiler angle="radian" inertiafromgeom="true"/>'):
+        path.write_text(ARM.replace('<compiler angle="radian"/>', text))
+        with pytest.raises(InputError, match="makes MuJoCo ignore inertials"):
+            export(model, tmp_path / "new.xml", into=path)
+    path.write_text(ARM.replace("must stay", "must stay, as inertiafromgeom='true'"))
+    export(model, tmp_path / "new.xml", into=path)
+
+
 @pytest.mark.parametrize("place", ['<joint name="elbow"', "<default><joint"])
 def test_a_joint_whose_damping_mujoco_makes_of_other_numbers_is_refused(path, tmp_path, place):
     """MuJoCo had damped the joint 4.5 times as much as the model, whatever the file said."""
