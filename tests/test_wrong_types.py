@@ -1,5 +1,6 @@
 """Another type than a public function takes: the error names the argument, the value and the call that gives it."""
 
+import json
 from functools import cache
 
 import numpy as np
@@ -105,3 +106,14 @@ def test_numbers_of_numpy_are_numbers():
     fr.Noise(q=np.float32(1e-5), tau=np.float64(0.01))
     fr.PlanOptions(budget=np.int64(10), seed=np.int32(1))
     fr.compare_simulated(found().model, [LOG], horizons=np.array([0.1, 0.2]))
+
+
+def test_numbers_of_numpy_are_numbers_of_a_drive_and_of_a_filter():
+    """They had been refused: a kp of 3 was "not below 1e+12"."""
+    drive = fr.PDController(kp={"joint1": np.int64(3)}, kd=np.float32(0.5), delay=np.float32(0.25))
+    assert drive == fr.PDController(kp={"joint1": 3.0}, kd=0.5, delay=0.25)
+    assert json.dumps(vars(fr.OutputErrorOptions(horizon=np.float32(0.5), stretches=np.int64(5))))
+    gains = fr.CurrentGains({"joint1": np.float32(3)}, {"joint1": np.float32(0.5)})
+    assert json.loads(json.dumps([gains.to_dict(), drive.to_dict()]))[0] == gains.to_dict()
+    model = fr.identify(ARM, [LOG], cutoff=np.int64(4), torque_lag=np.float32(0.0), recursion="none").model
+    assert json.loads(json.dumps(model.to_dict()))["filter"]["cutoff_hz"] == 4

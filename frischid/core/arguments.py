@@ -43,3 +43,8 @@ def check_number(name: str, value: Any) -> None:
     """
     if not isinstance(value, Real):
         raise InputError(f"{name} must be one number, got {shortened(value)}")
+
+
+def is_real(value: Any) -> bool:
+    """Whether a value is a real number, of Python or of numpy, and no truth value."""
+    return isinstance(value, Real) and not isinstance(value, bool)

@@ -154,7 +154,7 @@ def read_toml(path: str | Path, what: str) -> tuple[dict[str, Any], bytes]:
     """
     try:
         content = Path(path).read_bytes()
-        return tomllib.loads(content.decode()), content
+        return tomllib.loads(content.decode("utf-8-sig")), content  # Windows writes a byte order mark
     except OSError as error:
         raise InputError(f"{path}: the {what} file cannot be read ({error.strerror})") from error
     except ValueError as error:

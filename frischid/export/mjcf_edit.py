@@ -25,7 +25,7 @@ from frischid.export.mjcf_share import JOINT_ATTRIBUTES, Share, share_of
 from frischid.export.names import number
 from frischid.model.model import Model
 from frischid.robot.inertia import dynamic_parameters, is_physical, pseudo_inertia
-from frischid.robot.mjcf_reading import model_of_mjcf
+from frischid.robot.mjcf_reading import ignores_inertials, in_degrees, model_of_mjcf
 from frischid.robot.robot import Robot
 from frischid.robot.xml_places import Element, elements
 
@@ -43,8 +43,8 @@ def edited_mjcf(model: Model, path: Path) -> str:
     Raises
     ------
     InputError
-        The file is no MJCF file in UTF-8, a joint of the model has no named body in it, or the welded bodies weigh more
-        than the link.
+        The file is no MJCF file in UTF-8, or has settings that make MuJoCo ignore the numbers; a joint of the model has
+        no named body in it, or the welded bodies weigh more than the link.
     """
     robot = model.robot
     try:
@@ -54,13 +54,14 @@ def edited_mjcf(model: Model, path: Path) -> str:
         raise InputError(f"{path}: the MJCF file cannot be read ({error.strerror})") from None
     except UnicodeDecodeError as error:
         raise InputError(f"{path}: byte {error.start} is not UTF-8; save the MJCF file as UTF-8 first") from None
-    if re.search(rb"inertiafromgeom\s*=\s*[\"']true", data):
+    if ignores_inertials(path):
         raise InputError(f'{path}: inertiafromgeom="true" makes MuJoCo ignore inertials; set it to "auto" first')
     root = elements(data, str(path))
+    _refuse_springdamper(root, path)
     bodies = (pair for pair in root.below() if (pair[0].name, pair[1].name) == ("body", "joint"))
     places = {tag.attributes.get("name", ""): (body, tag) for body, tag in bodies}
     own = model_of_mjcf(path)
-    share, locked = share_of(model), _locked_bodies(robot, own, path)
+    share, locked, degrees = share_of(model), _locked_bodies(robot, own, path), in_degrees(path)
     changes: list[tuple[int, int, str]] = []
     for i, joint in enumerate(robot.bodies):
         if joint not in places:
@@ -75,8 +76,9 @@ def edited_mjcf(model: Model, path: Path) -> str:
             raise InputError(f"{path}: the bodies {kind} to '{name}' weigh more than its identified link")
         changes.append(_inertial(body, new))
         if joint in robot.joints:
-            changes.append(_joint(data, tag, _values(model, joint, share, data)))
-            changes += _gears(data, tag, share.gears.get(joint), bool(robot.prismatic[robot.joints.index(joint)]))
+            scale = 180 / np.pi if degrees and not robot.prismatic[robot.joints.index(joint)] else 1.0
+            changes.append(_joint(data, tag, _values(joint, share, scale)))
+            changes += _gears(data, tag, share.gears.get(joint), scale)
     if model.controller is not None:
         changes += _positions(model, data, root)
     if share.gears and re.search(rb"<key\b[^>]*\bqpos\s*=", data):
@@ -93,6 +95,18 @@ def edited_mjcf(model: Model, path: Path) -> str:
     return data.decode("utf-8")
 
 
+def _refuse_springdamper(root: Element, path: Path) -> None:
+    """Refuse (InputError) joints, or a class of joints, whose stiffness and damping MuJoCo makes from two numbers."""
+    for _, tag in root.below():
+        words = tag.attributes.get("springdamper", "").split() if tag.name == "joint" else []
+        if len(words) == 2 and all(word.strip("-0.") for word in words):
+            of = f" of joint '{name}'" if (name := tag.attributes.get("name")) else ""
+            raise InputError(
+                f"{path}, line {tag.line}: springdamper{of} makes MuJoCo ignore the joint's stiffness and damping; "
+                "write stiffness instead, with the value that MuJoCo computes (jnt_stiffness of its model)"
+            )
+
+
 def _positions(model: Model, data: bytes, root: Element) -> list[tuple[int, int, str]]:
     """Changes that give each joint's ``<position>`` actuator the model's gains; new ones for joints without."""
     tags = {e.attributes["joint"]: e for _, e in root.below() if e.name == "position" and "joint" in e.attributes}
@@ -106,18 +120,18 @@ def _positions(model: Model, data: bytes, root: Element) -> list[tuple[int, int,
     return changes
 
 
-def _values(model: Model, joint: str, share: Share, data: bytes) -> dict[str, float]:
-    """Attributes of a joint; the angle of its spring in the file's unit: degrees, unless the compiler says radian.
+def _values(joint: str, share: Share, scale: float) -> dict[str, float]:
+    """Attributes of a joint; the place of its spring in the file's unit, `scale` of which are one rad (m).
 
     Armature and friction that the model does not have are zero, or the file would still have its own.
     """
-    values, robot = dict.fromkeys(JOINT_ATTRIBUTES, 0.0) | share.joints[joint], model.robot
+    values = dict.fromkeys(JOINT_ATTRIBUTES, 0.0) | share.joints[joint]
     if "springref" in values:
-        values["springref"] = _in_unit(data, values["springref"], bool(robot.prismatic[robot.joints.index(joint)]))
+        values["springref"] *= scale
     return values
 
 
-def _gears(data: bytes, tag: Element, train: GearTrain | None, slides: bool) -> list[tuple[int, int, str]]:
+def _gears(data: bytes, tag: Element, train: GearTrain | None, scale: float) -> list[tuple[int, int, str]]:
     """The joints of gears, as new lines below the joint of their motor, with its place, axis and class."""
     if train is None:
         return []
@@ -129,14 +143,8 @@ def _gears(data: bytes, tag: Element, train: GearTrain | None, slides: bool) -> 
     indent = re.search(rb"[ \t]*$", data[:start])
     lead = "\n" + (indent.group().decode() if indent else "")
     at = tag.end
-    wanted = [replace(gear, gap=_in_unit(data, gear.gap, slides)) for gear in train.gears]
+    wanted = [replace(gear, gap=scale * gear.gap) for gear in train.gears]
     return [(at, at, "".join(lead + gear_line(gear, given | none) for gear in wanted))]
-
-
-def _in_unit(data: bytes, angle: float, slides: bool) -> float:
-    """An angle in the file's unit: degrees, unless the compiler says radian."""
-    radian = re.search(rb"<compiler[^>]*\bangle\s*=\s*[\"']radian", data) is not None
-    return angle if radian or slides else float(np.rad2deg(angle))
 
 
 def _last_tag(data: bytes, root: Element) -> int:

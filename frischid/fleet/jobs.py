@@ -28,7 +28,7 @@ from frischid.logs.log import Log
 from frischid.logs.mapping import LogMap
 from frischid.logs.preprocessing import prepare
 from frischid.logs.readers import read_log
-from frischid.logs.recording import Motions, Recording, chunks_of, preview_of
+from frischid.logs.recording import Motions, Recording, moving_part, preview_of
 from frischid.logs.summary import summarise
 from frischid.model.identification import identify
 from frischid.model.identify_options import IdentifyOptions
@@ -137,7 +137,8 @@ def look(
             log = _open(path, log_path.address, joints, mapping)
             head = preview_of(log)
             torques = tuple(str(n) for n in np.compress(head.has("tau"), head.joints))
-            spectra = spectra_of(next(chunks_of(log)), [n for n in (rows or torques) if n in torques])
+            moving = moving_part(log, [n for n in joints if n in head.joints])
+            spectra = spectra_of(moving, [n for n in (rows or torques) if n in torques])
             return Look(head.joints, torques, spectra)
     except _LOG_FAULTS as error:
         return _skipped(log_path, error)
@@ -178,7 +179,7 @@ def measure(log_path: LogPath, job: Job) -> LogMoments | Skipped:
             merged = tuple(_merged(grams, _BLOCKS))
             if not total(merged).rows:
                 raise InputError(f"no torque to fit: {', '.join(job.rows)} at standstill in the whole log")
-            first = next(chunks_of(log)).select(robot.joints)
+            first = moving_part(log, robot.joints).select(robot.joints)
             known = motions if isinstance(motions, list) else prepare(first, job.lowpass, velocity=job.velocity).motions
             report = inspect(
                 robot,
@@ -276,12 +277,12 @@ def explain(
 
 
 def _excerpt(one: RobotMoments, fleet: Model, mapping: LogMap | None) -> list[Log]:
-    """The first logs of a robot, of long ones the first chunk, up to `_DIAGNOSED_SAMPLES`."""
+    """The first logs of a robot, of long ones the first chunk in motion, up to `_DIAGNOSED_SAMPLES`."""
     logs: list[Log] = []
     for address in one.addresses:
         if logs and sum(map(len, logs)) + len(logs[-1]) > _DIAGNOSED_SAMPLES:
             break
         with local(address) as path:
             opened = _open(path, address, (*fleet.robot.joints, *fleet.robot.locked), mapping)
-            logs.append(next(chunks_of(opened)))
+            logs.append(moving_part(opened, fleet.robot.joints))
     return logs

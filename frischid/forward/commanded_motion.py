@@ -10,19 +10,22 @@ from __future__ import annotations
 
 from collections.abc import Iterator, Sequence
 from dataclasses import replace
+from functools import reduce
 
 import numpy as np
+from numpy.typing import NDArray
 
 from frischid.core.types import Array
 from frischid.effects import columns_of
 from frischid.effects.commands import PositionGain
-from frischid.forward.torque_sources import PositionController, RecordedTorque, TorqueSource
-from frischid.logs.command_checks import check_commands, check_delay
+from frischid.forward.torque_sources import PositionController, RecordedTorque, TorqueSource, between
+from frischid.logs.command_checks import CommandTravel, check_commands, check_delay
 from frischid.logs.controller import PDController
 from frischid.logs.delayed_commands import delayed
 from frischid.logs.log import Log
 from frischid.logs.preprocessing import Motion
 from frischid.logs.recording import Recording, chunks_of, preview_of
+from frischid.logs.wraps import TURN, unwrapped, wraps_of
 from frischid.model.model import Model
 
 
@@ -62,7 +65,9 @@ def commanded_source(controller: PDController, log: Log | Recording, joints: Seq
     array([[9.589]])
     """
     parts = [chunk.select(joints) for chunk in chunks_of(log)]
-    check_commands(parts[0])
+    for part in parts:
+        check_commands(part, whole=False)
+    reduce(CommandTravel.joined, map(CommandTravel.of, parts)).check(log.source)
     delay = controller.values("delay", joints)
     check_delay(delay, joints, parts[0])
     t = np.concatenate([part.t for part in parts])
@@ -72,6 +77,8 @@ def commanded_source(controller: PDController, log: Log | Recording, joints: Seq
         if len(found) < len(parts):
             return None
         whole = np.nan_to_num(np.concatenate(found))
+        if channel == "qcmd":
+            whole = unwrapped(Log(t, tuple(joints), whole)).q
         return np.column_stack([delayed(t, whole[:, j], d, controller.held) for j, d in enumerate(delay)])
 
     positions = commands("qcmd")
@@ -114,8 +121,26 @@ def moved(
     """
     for number, log in enumerate(logs):
         source = None if sources is None else sources[number]
+        commanded = None
         if source is None and follows_commands(model.controller, log, model.robot.joints):
             assert model.controller is not None
-            source = _as_fitted(model, commanded_source(model.controller, log, model.robot.joints))
+            commanded = _as_fitted(model, commanded_source(model.controller, log, model.robot.joints))
+            turned = _wrapping(log, model.robot.joints)
         for motion in model.motions([log]):
-            yield motion, RecordedTorque(motion.t, motion.tau) if source is None else source
+            if commanded is not None:
+                yield motion, _in_the_turn_of(motion, commanded, turned)
+            else:
+                yield motion, RecordedTorque(motion.t, motion.tau) if source is None else source
+
+
+def _wrapping(log: Log | Recording, joints: Sequence[str]) -> NDArray[np.bool_]:
+    """Joints of which a position or a command wraps, (J,)."""
+    parts = (part.select(joints) for part in chunks_of(log))
+    wraps = [wraps_of(x) for part in parts for x in (part.q, part.qcmd) if x is not None]
+    return np.asarray(np.any(wraps, axis=0))
+
+
+def _in_the_turn_of(motion: Motion, source: PositionController, turned: NDArray[np.bool_]) -> PositionController:
+    """The source with its commands less the whole turns by which they are away from the positions of a motion."""
+    apart = TURN * np.round(np.median(between(source.t, source.q_cmd, motion.t) - motion.q, axis=0) / TURN)
+    return replace(source, q_cmd=source.q_cmd - np.where(turned, apart, 0.0)) if turned.any() else source

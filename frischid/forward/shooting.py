@@ -78,6 +78,8 @@ class OutputErrorOptions:
             check_number(f"{name} of an output error fit", value)
             if not 0 < value < math.inf:
                 raise InputError(f"{name} of an output error fit must be positive and finite, got {value}")
+            if isinstance(value, np.number):  # a model file holds Python's numbers
+                object.__setattr__(self, name, value.item())
 
 
 class Jacobian(NamedTuple):

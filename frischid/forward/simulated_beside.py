@@ -20,15 +20,16 @@ from frischid.forward.commanded_motion import follows_commands, moved
 from frischid.forward.forward_dynamics import LARGEST_STEP, ForwardDynamics
 from frischid.forward.motion_error import position_errors, simulated_from
 from frischid.logs.driven import driven
-from frischid.logs.log import Log
+from frischid.logs.log import STANDSTILL_SPAN, Log
 from frischid.logs.poses import need_motion
-from frischid.logs.recording import Recording, chunks_of, preview_of
+from frischid.logs.recording import Recording, moving_part, preview_of
 from frischid.logs.stretch import stretch
 from frischid.model.comparison import urdf_parameters
 from frischid.model.model import Model
 
 BESIDE_SECONDS = 20.0
-"""s. Beginning of a log that is simulated: a reader follows no longer motion, and it takes one to three seconds."""
+"""s. Beginning of a log, or of its motion, that is simulated: a reader follows no longer motion, and it takes one to
+three seconds."""
 RESTART = 1.0
 """s. Time between two starts along a log of torque: the middle one of the horizons of ``compare --simulate``."""
 
@@ -39,7 +40,7 @@ class SimulatedBeside:
 
     source: str
     t: Array
-    """Time since the log's beginning, s, (N,)."""
+    """Time since the log's first sample, s, (N,)."""
     measured: Array
     simulated: Array
     """`measured`, `simulated`: rad (m), (N, J); NaN after a simulated motion became unstable."""
@@ -101,7 +102,7 @@ def simulated_beside(model: Model, logs: Sequence[Log | Recording]) -> Simulated
 
 
 def _beside(model: Model, log: Log | Recording, closed: bool) -> SimulatedBeside:
-    part = stretch(next(chunks_of(log)), stop=BESIDE_SECONDS)
+    part = _beginning(log, model.robot.joints)
     motion, source = next(moved(model, [part] if closed else need_motion([part], model.robot.joints)))
     extra = {name: (motion.t, values) for name, values in motion.extra.items()}
     thetas = np.stack([model.full_theta, urdf_parameters(model)])
@@ -113,7 +114,18 @@ def _beside(model: Model, log: Log | Recording, closed: bool) -> SimulatedBeside
     simulated = found.reshape(2, len(starts) * n, -1)
     measured = motion.q[: len(starts) * n]
     errors = position_errors(forward.robot, simulated, measured)
-    return SimulatedBeside(log.source, motion.t[: len(measured)] - motion.t[0], measured, simulated[0], n, errors)
+    t = motion.t[: len(measured)] - preview_of(log).t[0]
+    return SimulatedBeside(log.source, t, measured, simulated[0], n, errors)
+
+
+def _beginning(log: Log | Recording, joints: Sequence[str]) -> Log:
+    """The beginning of a log; where the arm rests throughout it, the beginning of the motion."""
+    chunk = moving_part(log, joints)
+    q = chunk.select(joints).q
+    moves = (np.abs(q - q[0]) >= STANDSTILL_SPAN).any(axis=1)
+    begins = float(chunk.t[moves.argmax()] - chunk.t[0])
+    start = begins if begins >= BESIDE_SECONDS else 0.0
+    return stretch(chunk, start, start + BESIDE_SECONDS)
 
 
 def _torque_of_all(log: Log | Recording, joints: Sequence[str]) -> bool:

@@ -61,12 +61,28 @@ def _numbers_of(column: Any, place: Place, comma: bool) -> tuple[NDArray[Any] | 
         return values, "dates as nanoseconds since 1970"
     if not (pa.types.is_string(kind) or pa.types.is_large_string(kind)):
         return None, f"its values are of type {kind}"
+    if (numbers := _of_texts(column, comma)) is not None:
+        return numbers, ""
     cells = column.to_pylist()
     wrong = ((k, x) for k, x in enumerate(cells) if x is not None and not is_number(x, comma=comma))
     row, cell = next(wrong, (0, cells[0]))
     if row == 0 and (stamps := clock_of(cells)) is not None:
         return stamps, "times as nanoseconds since the first"
     return None, f"{place(row)} holds {cell!r}"
+
+
+def _of_texts(column: Any, comma: bool) -> NDArray[Any] | None:
+    """Numbers of a column of texts that are all numbers, or empty; None of others.
+
+    The first block of a file gives its columns their types. There a column may be empty, or hold a second header.
+    """
+    empty = pa.compute.equal(column, "")
+    column = pa.compute.if_else(empty, pa.scalar(None, column.type), column)
+    if comma and pa.compute.any(pa.compute.match_substring(column, ".")).as_py():  # 1.000 may be a thousand
+        return None
+    with suppress(pa.ArrowInvalid):
+        return np.asarray((pa.compute.replace_substring(column, ",", ".") if comma else column).cast(pa.float64()))
+    return None
 
 
 def _repeated_headers(arrow: Any) -> NDArray[np.bool_]:

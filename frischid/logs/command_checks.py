@@ -9,12 +9,14 @@ path. On an open path, springs and weight store energy, so a part of c − q tha
 is reversed if q is nearer to −c than to c and to standstill, and the drive would take energy from the joint.
 
 *Standstill.* A joint with a constant command stays where it is, up to the servo's error. If the joint moves as far as
-joints that are commanded to move, and farther than their servos err, its command was not recorded.
+joints that are commanded to move, and farther than their servos err, its command was not recorded. A chunk of a long
+recording says nothing of this, because the robot may rest throughout the chunk: `CommandTravel` joins the chunks.
 """
 
 from __future__ import annotations
 
 from collections.abc import Sequence
+from typing import NamedTuple
 
 import numpy as np
 
@@ -37,40 +39,92 @@ MISTAKES = {
 """Factor s -> what is wrong with the commands."""
 
 
-def check_commands(log: Log) -> None:
-    """Refuse (InputError) a log whose commands never move, or have another unit or sign than its positions."""
+def check_commands(log: Log, *, whole: bool = True) -> None:
+    """Refuse (InputError) a log whose commands never move, or have another unit or sign than its positions.
+
+    Parameters
+    ----------
+    whole : bool
+        Whether the log is no chunk of a longer one. In a chunk, no command needs to move.
+    """
     if log.qcmd is None:
         return
-    span = np.ptp(log.qcmd[:, log.has("qcmd")], axis=0).max()
-    if span < STANDSTILL_SPAN:
-        raise InputError(
-            f"{log.source}: the commanded positions (qcmd_<joint>) never move (largest range {span:.3g} rad): were the "
-            "commands recorded, or a constant? check the columns, or record a motion"
-        )
+    travel = CommandTravel.of(log)
+    if whole:
+        travel.check_any_moves(log.source)
     for factor, words in MISTAKES.items():
         names = [
             n for j, n in enumerate(log.joints) if log.has("qcmd")[j] and _needs(factor, log.qcmd[:, j], log.q[:, j])
         ]
         if names:
             raise InputError(f"{log.source}: the commanded positions of {listed(names)} {words}")
-    if names := _constant(log):
-        raise InputError(
-            f"{log.source}: the commanded position of {each_of(names)} never moves, and the joint itself moves as "
-            "the other joints do: is this column the command of another joint? correct the column, or leave it out"
+    if whole:
+        travel.check_each_moves(log.source)
+
+
+class CommandTravel(NamedTuple):
+    """How far the J joints with commands, their commands, and the errors between both move in some samples."""
+
+    joints: tuple[str, ...]
+    samples: int
+    lower: Array
+    upper: Array
+    """`lower`, `upper`: Ends of each command, rad (m), (J,)."""
+    position: Array
+    error: Array
+    """`position`, `error`: Mean and variance of each position, and of each position less its command, (2, J)."""
+
+    @classmethod
+    def of(cls, log: Log) -> CommandTravel:
+        """The travel in a log that has commands."""
+        assert log.qcmd is not None
+        there = np.flatnonzero(log.has("qcmd"))
+        q, c = log.q[:, there], log.qcmd[:, there]
+        names = tuple(log.joints[j] for j in there)
+        return cls(names, len(log), c.min(axis=0), c.max(axis=0), _mean_and_variance(q), _mean_and_variance(q - c))
+
+    def joined(self, other: CommandTravel) -> CommandTravel:
+        """The travel in the samples of both; the other one where the commands are of other joints."""
+        if self.joints != other.joints:
+            return other
+        lower, upper = np.minimum(self.lower, other.lower), np.maximum(self.upper, other.upper)
+        share = other.samples / (self.samples + other.samples)
+        position, error = (
+            np.stack([a[0] + share * (b[0] - a[0]), a[1] + share * (b[1] - a[1] + (1 - share) * (b[0] - a[0]) ** 2)])
+            for a, b in ((self.position, other.position), (self.error, other.error))
         )
+        return CommandTravel(self.joints, self.samples + other.samples, lower, upper, position, error)
+
+    def check(self, source: str) -> None:
+        """Refuse (InputError) commands that never move, of all joints or of one."""
+        self.check_any_moves(source)
+        self.check_each_moves(source)
+
+    def check_any_moves(self, source: str) -> None:
+        """Refuse (InputError) commands of which none ever moves."""
+        span = (self.upper - self.lower).max()
+        if span < STANDSTILL_SPAN:
+            raise InputError(
+                f"{source}: the commanded positions (qcmd_<joint>) never move (largest range {span:.3g} rad): were the "
+                "commands recorded, or a constant? check the columns, or record a motion"
+            )
+
+    def check_each_moves(self, source: str) -> None:
+        """Refuse (InputError) a constant command of a joint that moves like joints with commands."""
+        commanded = self.upper - self.lower >= STANDSTILL_SPAN
+        if commanded.all() or not commanded.any():
+            return
+        moved, error = np.sqrt(self.position[1]), np.sqrt(self.error[1])
+        far = moved > max(FOLLOWS * float(np.median(moved[commanded])), float(np.median(error[commanded])))
+        if names := [name for name, wrong in zip(self.joints, far & ~commanded, strict=True) if wrong]:
+            raise InputError(
+                f"{source}: the commanded position of {each_of(names)} never moves, and the joint itself moves as "
+                "the other joints do: is this column the command of another joint? correct the column, or leave it out"
+            )
 
 
-def _constant(log: Log) -> list[str]:
-    """Joints that move like joints with commands, and have a constant command."""
-    assert log.qcmd is not None
-    there = np.flatnonzero(log.has("qcmd"))
-    q, c = log.q[:, there], log.qcmd[:, there]
-    commanded = np.ptp(c, axis=0) >= STANDSTILL_SPAN
-    if commanded.all() or not commanded.any():
-        return []
-    moved, error = np.nanstd(q, axis=0), np.nanstd(q - c, axis=0)
-    far = moved > max(FOLLOWS * float(np.median(moved[commanded])), float(np.median(error[commanded])))
-    return [log.joints[j] for j in there[far & ~commanded]]
+def _mean_and_variance(x: Array) -> Array:
+    return np.stack([x.mean(axis=0), x.var(axis=0)])
 
 
 def _needs(factor: float, command: Array, position: Array) -> bool:

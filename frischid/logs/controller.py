@@ -114,7 +114,8 @@ class PDController:
             for joint, value in values.items():
                 if value is not None or rule.name != "kd":
                     check_value(rule.name, joint, value)
-            object.__setattr__(self, rule.name, values if isinstance(given, Mapping) else float(given))
+            plain = {joint: None if x is None else float(x) for joint, x in values.items()}
+            object.__setattr__(self, rule.name, plain if isinstance(given, Mapping) else plain[""])
 
     def __str__(self) -> str:
         """The controller as the command line writes it."""
@@ -183,7 +184,7 @@ class PDController:
         found = [missing if (x := given.get(j, missing)) is None else float(x) for j in joints]
         return np.array(found)
 
-    def drive(self, log: Log) -> Log:
+    def drive(self, log: Log, *, whole: bool = True) -> Log:
         """The log with the torque that the controller gives.
 
         A joint whose torque was measured keeps it, and so does a joint without commands. Samples before the first
@@ -192,6 +193,8 @@ class PDController:
         Parameters
         ----------
         log : Log
+        whole : bool
+            Whether the log is no chunk of a longer one. In a chunk, no command needs to move.
 
         Returns
         -------
@@ -205,19 +208,19 @@ class PDController:
             limit and an unknown kd.
         """
         unmoved = self._unmoved_by_delay(log) if isinstance(log, Log) else {}
-        columns = np.flatnonzero(log.has("qcmd") & ~log.has("tau")).tolist() if isinstance(log, Log) else []
+        columns = commanded(log) if isinstance(log, Log) else []
         if not columns:
             return replace(log, extra={**log.extra, **unmoved}, sha256=log.identity) if unmoved else log
         turning = commands_unwrapped(log)
-        check_commands(turning)
+        check_commands(turning, whole=whole)
         tau = np.full(log.q.shape, np.nan) if log.tau is None else log.tau.copy()
         tau[:, columns], extra = self._torque(turning, columns)
         said = f"torque of {counted(len(columns), 'joint')} from their commands by the controller {self}"
         late = float(self.values("delay", [log.joints[j] for j in columns]).max()) + self.held / log.rate
         early = log.t - late < log.t[0] - _ROUNDED_STEP / log.rate  # the commands that act there were not recorded
-        whole = replace(log, tau=tau, extra={**log.extra, **unmoved, **extra}, notes=(*log.notes, said))
+        found = replace(log, tau=tau, extra={**log.extra, **unmoved, **extra}, notes=(*log.notes, said))
         # the file gives these samples again
-        return replace(whole.slice(int(early.sum())), file=log.file, sha256=log.identity)
+        return replace(found.slice(int(early.sum())), file=log.file, sha256=log.identity)
 
     def _unmoved_by_delay(self, log: Log) -> dict[str, Array]:
         """Channels of joints whose torque was measured: a delay of commands, where it is in doubt, changes nothing."""
@@ -297,6 +300,11 @@ class PDController:
             The file cannot be read, or is not such a file.
         """
         return cls.from_dict(read_toml(path, "controller")[0], str(path))
+
+
+def commanded(log: Log) -> list[int]:
+    """Indices of the joints of a log whose torque follows from commands."""
+    return [int(j) for j in np.flatnonzero(log.has("qcmd") & ~log.has("tau"))]
 
 
 def _numbers() -> list[Field[Any]]:

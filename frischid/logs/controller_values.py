@@ -8,6 +8,7 @@ from typing import Any
 
 import numpy as np
 
+from frischid.core.arguments import is_real
 from frischid.core.text import shortened
 from frischid.core.types import Array
 from frischid.errors import InputError
@@ -28,7 +29,7 @@ def check_limits(limit: Array, joints: Sequence[str]) -> None:
 def check_value(name: str, joint: str, value: Any) -> None:
     """Refuse (InputError) a value that is no number, or has the wrong sign."""
     of = f" of {joint}" if joint else ""
-    if isinstance(value, bool) or not isinstance(value, int | float) or not abs(value) < GARBAGE:
+    if not is_real(value) or not abs(value) < GARBAGE:
         raise InputError(f"the controller's {name}{of} must be a number below {GARBAGE:g}, got {shortened(value)}")
     if value < 0 or (value == 0 and name in ("kp", "limit")):
         sign = "above 0" if name in ("kp", "limit") else "at least 0"

@@ -139,7 +139,10 @@ def _time(table: Table, form: LogMap, start: Any, notes: list[str], whole: bool)
     name = _time_name(table, form)
     raw = table.values(name)
     # A double cannot hold nanoseconds since 1970 exactly: the start is subtracted before integers become doubles.
-    t = np.asarray(raw - start if form.zero_time else raw, dtype=np.float64) / TICKS_PER_SECOND[form.time_unit]
+    ticks = raw - start if form.zero_time else raw
+    if form.zero_time and ticks.dtype == np.uint64:  # a stamp before the first one is negative, not 2⁶⁴ ticks later
+        ticks = ticks.astype(np.int64)
+    t = np.asarray(ticks, dtype=np.float64) / TICKS_PER_SECOND[form.time_unit]
     t, restarts = continued(t) if whole else (t, 0)
     if restarts:
         notes.append(

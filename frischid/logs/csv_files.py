@@ -36,16 +36,20 @@ def read_csv(path: Path, form: LogMap, _joints: Sequence[str] = ()) -> Table:
 
 
 def csv_chunks(path: Path, form: LogMap, rows: int, _joints: Sequence[str] = ()) -> Iterator[Table]:
-    """Read a file block by block; integers of the first block become floats, because later blocks may differ."""
+    """Read a file block by block; integers of the first block become floats, because later blocks may differ.
+
+    A column that is empty in the first block is read as texts, which later may be numbers.
+    """
     layout = csv_layout(path, form)
     options, parsing = _options(layout)
     options.block_size = max(1 << 16, rows * (path.stat().st_size // _lines_guess(path)))
     with _telling_the_line(path, layout):
         kinds = pa.csv.open_csv(_text(path, layout), options, parsing, _conversion(layout)).schema
         time = form.time if isinstance(form.time, str) else layout.names[form.time]
-        loose = [f.name for f in kinds if f.name != time and (pa.types.is_integer(f.type) or pa.types.is_null(f.type))]
         convert = _conversion(layout)
-        convert.column_types = dict.fromkeys(loose, pa.float64())
+        whole = [f.name for f in kinds if f.name != time and pa.types.is_integer(f.type)]
+        empty = [f.name for f in kinds if pa.types.is_null(f.type)]
+        convert.column_types = dict.fromkeys(whole, pa.float64()) | dict.fromkeys(empty, pa.string())
         place, start = _line_place(path, layout.skip), 0
         for batch in pa.csv.open_csv(_text(path, layout), options, parsing, convert):
             yield replace(table_of_arrow(pa.table(batch), path, place_after(start, place), layout=layout), first=start)

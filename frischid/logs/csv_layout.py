@@ -10,6 +10,7 @@ from __future__ import annotations
 import codecs
 import csv
 import io
+import mmap
 import re
 from collections.abc import Iterator, Sequence
 from dataclasses import dataclass
@@ -53,7 +54,7 @@ def csv_layout(path: Path, form: LogMap) -> Layout:
     if not any(cells):
         raise InputError(f"{path}: the file holds only empty lines")
     check_width(path, len(cells))
-    comma = has_decimal_comma(lines[at : at + 50], delimiter)
+    comma = has_decimal_comma(lines[at : at + 50], delimiter) or _comma_below(path, delimiter, encoding)
     if form.header and all(is_number(cell, comma=comma) for cell in cells):
         raise InputError(
             f"{path}: line {before + 1} should name the columns but holds {len(cells)} numbers; if the file "
@@ -138,6 +139,28 @@ def first_lines(path: Path, encoding: str) -> list[tuple[int, str]]:
 def has_decimal_comma(lines: Sequence[tuple[int, str]], delimiter: str) -> bool:
     """Whether a cell of these lines is a number with a decimal comma."""
     return any(re.fullmatch(r"[-+]?\d*,\d+([eE][-+]?\d+)?", cell) for _, x in lines for cell in _cells(x, delimiter))
+
+
+def _comma_below(path: Path, delimiter: str, encoding: str) -> bool:
+    """Whether the first lines with a comma, anywhere in a file of another separator, have a decimal comma.
+
+    A robot that rests at the start of a log may have whole numbers in hundreds of lines.
+    """
+    if delimiter == ",":
+        return False
+    with path.open("rb") as file, mmap.mmap(file.fileno(), 0, access=mmap.ACCESS_READ) as data:
+        place = data.find(b",")
+        for _ in range(LINES_LOOKED_AT):
+            if place < 0:
+                break
+            start, end = data.rfind(b"\n", 0, place) + 1, data.find(b"\n", place)
+            end = len(data) if end < 0 else end
+            line = data[start:end].replace(b"\0", b"").decode("utf-8" if encoding == "utf-16" else encoding, "replace")
+            pointed = any("." in cell and is_number(cell) for cell in _cells(line, delimiter))
+            if has_decimal_comma([(0, line)], delimiter) and not pointed:  # a text such as 3,4 beside 0.5 is none
+                return True
+            place = data.find(b",", end)
+    return False
 
 
 def is_line_of_units(lines: Sequence[tuple[int, str]], delimiter: str) -> bool:

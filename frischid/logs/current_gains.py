@@ -13,6 +13,7 @@ from typing import Any
 
 import numpy as np
 
+from frischid.core.arguments import is_real
 from frischid.core.text import counted, shortened
 from frischid.errors import InputError
 from frischid.logs.log import GARBAGE, Log
@@ -50,12 +51,12 @@ class CurrentGains:
 
     def __post_init__(self) -> None:
         for joint, value in self.gain.items():
-            if isinstance(value, bool) or not isinstance(value, int | float) or not 0 < abs(value) < GARBAGE:
+            if not is_real(value) or not 0 < abs(value) < GARBAGE:
                 raise InputError(
                     f"the torque per ampere of {joint} must be a number other than 0, got {shortened(value)}"
                 )
         for joint, value in self.doubt.items():
-            if isinstance(value, bool) or not isinstance(value, int | float) or not 0 <= value < GARBAGE:
+            if not is_real(value) or not 0 <= value < GARBAGE:
                 raise InputError(
                     f"the doubt about the torque per ampere of {joint} must be at least 0, got {shortened(value)}"
                 )
@@ -63,6 +64,8 @@ class CurrentGains:
                 raise InputError(
                     f"there is a doubt about the torque per ampere of {joint}, and no gain; give the gain too"
                 )
+        for name in ("gain", "doubt"):
+            object.__setattr__(self, name, {joint: float(x) for joint, x in getattr(self, name).items()})
 
     def drive(self, log: Log) -> Log:
         """The log with the torque of its currents; a joint whose torque was measured keeps it.

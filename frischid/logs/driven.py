@@ -13,11 +13,12 @@ from dataclasses import replace
 import numpy as np
 
 from frischid.core.remembered import Remembered
-from frischid.logs.command_checks import MOST_DELAY_STEPS
-from frischid.logs.controller import SPLINE_SAMPLES, PDController
+from frischid.logs.command_checks import MOST_DELAY_STEPS, CommandTravel
+from frischid.logs.controller import SPLINE_SAMPLES, PDController, commanded
 from frischid.logs.current_gains import CurrentGains
 from frischid.logs.log import Log
 from frischid.logs.recording import Recording, joined
+from frischid.logs.wraps import commands_unwrapped
 
 _DRIVEN = Remembered[Log | None]()
 """Logs with their torque, by the drive; None where the log needs none."""
@@ -62,10 +63,16 @@ def _driven_recording(log: Recording, controller: PDController) -> Recording:
 
     def read(samples: int) -> Iterator[Log]:
         tail: Log | None = None
+        travel: CommandTravel | None = None
         for chunk in log.read(samples):
             whole = chunk if tail is None else joined(tail, 0, chunk)
-            driven_whole = controller.drive(whole)
+            driven_whole = controller.drive(whole, whole=False)
+            if commanded(chunk):
+                here = CommandTravel.of(commands_unwrapped(chunk))
+                travel = here if travel is None else travel.joined(here)
             yield driven_whole.slice(int(np.searchsorted(driven_whole.t, chunk.t[0])))
             tail = whole.slice(-min(len(whole), MOST_DELAY_STEPS + SPLINE_SAMPLES))
+        if travel is not None:
+            travel.check(log.source)
 
     return replace(log, read=read)

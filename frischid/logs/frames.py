@@ -57,17 +57,26 @@ def log_of_frame(
             f"{name}: expected a data frame of pandas, polars or pyarrow, got {type(frame).__name__}; read a file with "
             "frischid.read_log"
         ) from None
+    except nw.exceptions.DuplicateError:
+        raise InputError(f"{name}: two columns have the same name; rename one") from None
     numeric: dict[str, NDArray[Any]] = {}
     unusable: dict[str, str] = {}
+    notes: list[str] = []
     digest = hashlib.sha256()
-    for title in columns.columns:
-        values = columns[title].to_numpy()
-        if values.dtype.kind in "fiu":
+    titles = [str(title) for title in columns.columns]  # pandas also has numbers and tuples as names
+    for title, column in zip(titles, columns.iter_columns(), strict=True):
+        if title in numeric or title in unusable:
+            raise InputError(f"{name}: two columns are called '{title}'; rename one")
+        values = column.to_numpy()
+        if values.dtype.kind == "M" and not np.isnat(values).any():  # as in a file
+            values = values.astype("datetime64[ns]").astype(np.int64)
+            notes.append(f"{title}: dates as nanoseconds since 1970")
+        if values.dtype.kind in "fiub":
             numeric[title] = values
             digest.update(title.encode() + np.ascontiguousarray(values).tobytes())
         else:
-            unusable[title] = f"its values are of type {columns[title].dtype}"
-    table = Table(name, tuple(columns.columns), numeric, unusable)
+            unusable[title] = f"its values are of type {column.dtype}"
+    table = Table(name, tuple(titles), numeric, unusable, notes=tuple(notes))
     form = LogMap.of(mapping)
     if form.layouts:
         raise InputError(f"{name}: the mapping has several layouts; give the one of this frame")
@@ -76,4 +85,7 @@ def log_of_frame(
 
 def is_frame(given: Any) -> bool:
     """Whether narwhals knows this object as a data frame in memory."""
-    return isinstance(nw.from_native(given, eager_only=True, pass_through=True), nw.DataFrame)
+    try:
+        return isinstance(nw.from_native(given, eager_only=True, pass_through=True), nw.DataFrame)
+    except nw.exceptions.DuplicateError:  # `log_of_frame` says so
+        return True

@@ -63,7 +63,7 @@ def propose(path: str | Path, robot: Robot, rate: float | None = None) -> Propos
     """
     if rate is not None and not 0 < rate < math.inf:
         raise InputError(f"the rate must be a positive number of samples per second, got {rate}")
-    path, found = Path(path), Proposal()
+    path, found, robot = Path(path), Proposal(), replace(robot, known={})  # known by numbers that locks change
     table = table_of(path, robot, found)
     time = time_column(table, found)
     found.full_turns = frozenset(n for n, x in table.numeric.items() if n != time and _is_angle(x) and _in_degrees(x))

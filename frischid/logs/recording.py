@@ -25,7 +25,7 @@ import numpy as np
 from frischid.core.remembered import Remembered
 from frischid.errors import InputError
 from frischid.logs.filters import LowPass
-from frischid.logs.log import CHANNELS, FEWEST_SAMPLES, Log
+from frischid.logs.log import CHANNELS, FEWEST_SAMPLES, STANDSTILL_SPAN, Log
 from frischid.logs.log_file import LogFile
 from frischid.logs.mapping import LogMap, MappingLike
 from frischid.logs.preprocessing import Motion, Prepared, ends_of, prepare
@@ -118,6 +118,20 @@ def chunks_of(log: Log | Recording) -> Iterator[Log]:
 def preview_of(log: Log | Recording) -> Log:
     """A log that has the joints and channels of a log or recording."""
     return log if isinstance(log, Log) else log.preview()
+
+
+def moving_part(log: Log | Recording, joints: Iterable[str]) -> Log:
+    """The first chunk in which all these joints move; the one in which most of them do where there is none."""
+    names, found, most = list(joints), None, -1
+    for chunk in chunks_of(log):
+        moving = int((np.ptp(chunk.select(names).q, axis=0) >= STANDSTILL_SPAN).sum())
+        if moving > most:
+            found, most = chunk, moving
+        if most == len(names):
+            break
+    if found is None:
+        raise InputError(f"{log.source}: the recording holds no samples")
+    return found
 
 
 _PREPARED = Remembered[Prepared]()

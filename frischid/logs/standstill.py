@@ -60,7 +60,7 @@ def find_standstill(q: Array, v: Array, a: Array, step: float, pause: float = PA
     >>> bool(found[t < 0.9].all()), bool(found[t > 1.1].any())
     (True, False)
     """
-    window = 2 * round(0.25 / step) + 1
+    window = 2 * max(1, round(0.25 / step)) + 1  # one sample alone does not show whether the joint moves
     travel = ndimage.maximum_filter1d(q, window, axis=0) - ndimage.minimum_filter1d(q, window, axis=0)
     found = np.asarray(travel < STANDSTILL_SPAN)
     for j in range(q.shape[1]):

@@ -6,6 +6,8 @@ from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, field
 from typing import Literal, TypedDict
 
+import numpy as np
+
 from frischid.effects.units import is_number
 from frischid.errors import InputError, UnknownNameError
 from frischid.estimators.urdf_prior import PriorCriteria
@@ -115,6 +117,9 @@ class IdentifyOptions:
         ):
             if name not in known:
                 raise UnknownNameError(kind, name, known)
+        for name in ("cutoff", "torque_lag"):
+            if isinstance(x := getattr(self, name), np.number):  # a model file holds Python's numbers
+                object.__setattr__(self, name, x.item())
         if isinstance(self.cutoff, bool) or not (self.cutoff in (None, "auto") or isinstance(self.cutoff, int | float)):
             raise InputError(f"cutoff must be a frequency in Hz, 'auto' or None, got {self.cutoff!r}")
         lag = self.torque_lag

@@ -28,7 +28,7 @@ from frischid.logs.locked_joints import LockedMotion, lock_there, places_of, rem
 from frischid.logs.log import Log
 from frischid.logs.mapping import MappingLike
 from frischid.logs.preprocessing import Motion, prepare
-from frischid.logs.recording import brief, chunks_of, preview_of
+from frischid.logs.recording import brief, chunks_of, moving_part, preview_of
 from frischid.logs.summary import Data, check_usable, held_by
 from frischid.model.identify_options import Cutoff, IdentifyOptions
 from frischid.model.model_parts import robot_text
@@ -193,7 +193,7 @@ def _fault(robot: Robot, log: Log, *, whole: bool) -> InputError | None:
 def report_issues(
     robot: Robot, logs: Sequence[Data], prepared: tuple[LowPass, Sequence[Sequence[Motion]]] | None = None
 ) -> list[LogReport]:
-    """Issues of every log; of a recording those of its first chunk.
+    """Issues of every log; of a recording those of its first chunk in motion.
 
     Parameters
     ----------
@@ -214,7 +214,7 @@ def report_issues(
         )
 
     each = [None] * len(logs) if prepared is None else [(prepared[0], motions) for motions in prepared[1]]
-    return [report(next(chunks_of(log)), own) for log, own in zip(logs, each, strict=True)]
+    return [report(moving_part(log, robot.joints), own) for log, own in zip(logs, each, strict=True)]
 
 
 def refuse_worthless(reports: Sequence[LogReport]) -> None:

@@ -33,6 +33,7 @@ _UNREAD = "unread"
 _FORCES = (
     ("body", "gravcomp", "gravity compensation"),
     ("joint", "stiffness", "springs of joints"),
+    ("joint", "springdamper", "springs of joints"),
     ("tendon", "stiffness", "springs of tendons"),
 )
 """Element, attribute that is not zero, and the force."""
@@ -72,6 +73,24 @@ def gravity_of_mjcf(path: Path) -> tuple[float, float, float] | None:
     """
     found = _stated(path, "option", "gravity")
     return None if found is None else stated_gravity(*found)
+
+
+def in_degrees(path: Path) -> bool:
+    """Whether the angles of an MJCF file are in degrees: unless a compiler, also of an included file, says radian.
+
+    Raises
+    ------
+    InputError
+        The file is no XML.
+    """
+    unit = _stated(path, "compiler", "angle")
+    return unit is None or unit[0] == "degree"
+
+
+def ignores_inertials(path: Path) -> bool:
+    """Whether a compiler of an MJCF file, also of an included one, takes every inertia from shapes."""
+    stated = _stated(path, "compiler", "inertiafromgeom")
+    return stated is not None and stated[0] == "true"
 
 
 def _stated(path: Path, element: str, attribute: str) -> tuple[str, str] | None:
@@ -130,7 +149,7 @@ def _refuse_unread_masses(path: Path) -> None:
         The file states ``settotalmass``, or ``inertiagrouprange`` for bodies whose masses follow from their shapes.
     """
     inertials = [tag.find("inertial") is not None for tag, _ in _elements(path) if tag.tag == "body"]
-    of_shapes = not all(inertials) or (_stated(path, "compiler", "inertiafromgeom") or ("",))[0] == "true"
+    of_shapes = not all(inertials) or ignores_inertials(path)
     total = _stated(path, "compiler", "settotalmass")
     for setting, matters in (
         ("settotalmass", total is not None and not total[0].strip().startswith("-")),
@@ -217,8 +236,7 @@ def urdf_of_mjcf(path: Path) -> str:
     # a body's name may stand for a joint too; links get names of their own where it does
     used = set(names[1:])
     links = ["world"] + [_free(f"link of {name}", used) for name in names[1:]]
-    gravity, unit = gravity_of_mjcf(path), _stated(path, "compiler", "angle")
-    degrees = unit is None or unit[0] == "degree"
+    gravity, degrees = gravity_of_mjcf(path), in_degrees(path)
     stated = "" if gravity is None else f' gravity="{_row(gravity)}"'
     stated += f' {_UNREAD}="{"; ".join(forces)}"' if (forces := _unread_forces(path)) else ""
     lines = [f"<robot name={quoteattr(model.name or path.stem)}{stated}>", f"  <link name={quoteattr(links[0])}/>"]

@@ -174,10 +174,26 @@ class Robot:
         return cls(**{**data, "gravity": tuple(data["gravity"])})
 
     def keep(self, joints: Sequence[str]) -> Robot:
-        """Lock every joint that is not in `joints`, at zero or the nearest value in its limits."""
+        """Lock every joint that is not in `joints`, at zero or the nearest value in its limits.
+
+        Raises
+        ------
+        InputError
+            A parameter is known by its number, and the locks give the links other numbers and masses.
+        UnknownNameError
+            One of the joints is not the robot's.
+        """
+        for name in joints:
+            if name not in self.joints:
+                raise UnknownNameError("joint", name, self.joints, self.source)
         extra = {j: self.angle_at_lock(j) for j in self.joints if j not in set(joints)}
         if not extra:
             return self
+        if self.known:
+            raise InputError(
+                f"{self.source}: with locked joints, links have other numbers, and {', '.join(self.known)} would be "
+                "known of another link: load the robot with lock= and known= together"
+            )
         frames = self.frames
         if not isinstance(frames, str):
             frames = {j: f for j, f in frames.items() if j not in extra}

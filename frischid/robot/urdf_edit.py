@@ -6,6 +6,7 @@
 from __future__ import annotations
 
 import re
+import warnings
 from collections.abc import Iterator, Mapping, Sequence
 from xml.sax.saxutils import quoteattr
 
@@ -116,9 +117,10 @@ class UrdfText:
             if joint.attributes.get("type") == "prismatic":
                 place["xyz"] = _text(xyz + offset * turned @ unit)
             else:
-                place["rpy"] = _text(
-                    Rotation.from_matrix(turned @ Rotation.from_rotvec(offset * unit).as_matrix()).as_euler("xyz")
-                )
+                moved = turned @ Rotation.from_rotvec(offset * unit).as_matrix()
+                with warnings.catch_warnings():
+                    warnings.simplefilter("ignore", UserWarning)  # at a pitch of a quarter turn, the yaw is zero
+                    place["rpy"] = _text(Rotation.from_matrix(moved).as_euler("xyz"))
         edits = []
         for name, old, values in (
             ("origin", origin, place),

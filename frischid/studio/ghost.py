@@ -60,7 +60,7 @@ def simulated_at(state: State, x: float) -> Array | None:
         return None
     starts, _ = side_by_side(state.prediction)
     t = x - float(starts[state.prediction.sources.index(beside.source)])
-    if not 0.0 <= t <= beside.t[-1]:
+    if not beside.t[0] <= t <= beside.t[-1]:
         return None
     q = beside.simulated[min(int(np.searchsorted(beside.t, t)), len(beside.t) - 1)]
     return q if np.isfinite(q).all() else None

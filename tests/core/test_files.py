@@ -6,7 +6,7 @@ import sys
 
 import pytest
 
-from frischid.core.files import check_writable, write_text, written
+from frischid.core.files import check_writable, read_toml, write_text, written
 from frischid.errors import InputError
 
 
@@ -103,3 +103,11 @@ def test_what_is_write_protected_stays(tmp_path):
     with pytest.raises(InputError, match="you may not write in the folder"):
         write_text(tmp_path / "new", "new")
     tmp_path.chmod(0o755)
+
+
+def test_a_toml_file_of_windows_has_a_byte_order_mark(tmp_path):
+    """It had been "not TOML: Invalid statement"."""
+    (tmp_path / "map.toml").write_bytes(b'\xef\xbb\xbf[file]\r\ntime = "Zeit"\r\n')
+    tables, content = read_toml(tmp_path / "map.toml", "mapping")
+    assert tables == {"file": {"time": "Zeit"}}
+    assert content == (tmp_path / "map.toml").read_bytes()

@@ -132,12 +132,21 @@ def test_only_numbers_change_and_they_are_the_identified_ones(path, tmp_path):
         )
 
 
-@pytest.mark.parametrize("unit", ["radian", "degree", ""])
+UNITS = {
+    "radian": '<compiler angle="radian"/>',
+    "degree": '<compiler angle="degree"/>',
+    "unsaid": "<compiler/>",
+    "radian in another file": '<include file="unit.xml"/>',  # read as degrees once: a spring 57 times too far away
+    "radian in a comment": '<!-- <compiler angle="radian"/> -->',
+}
+
+
+@pytest.mark.parametrize("unit", UNITS)
 @pytest.mark.parametrize("into", [True, False])
 def test_mujoco_has_the_torque_of_a_linear_spring(tmp_path, unit, into):
     text = ARM.replace('range="-2 2"', "").replace(' euler="0 0 0.4"', "")
-    text = text.replace('angle="radian"', f'angle="{unit}"' if unit else "")
-    (tmp_path / "arm.xml").write_text(text)
+    (tmp_path / "unit.xml").write_text('<mujoco><compiler angle="radian"/></mujoco>')
+    (tmp_path / "arm.xml").write_text(text.replace(UNITS["radian"], UNITS[unit]))
     robot = Robot.load(tmp_path / "arm.xml")
     effects = parse_effects("viscous, coulomb, offset, rotor_inertia, joint_spring@elbow")
     truth = {"ks2": 3.0, "off2": -0.6, "off1": 0.4}
@@ -237,6 +246,31 @@ def test_a_file_of_the_user_that_cannot_be_read_is_named(path, tmp_path):
         with pytest.raises(InputError, match=r"--into .* writes MJCF only"):
             export(model, tmp_path / name, into=path)
     assert not list(tmp_path.glob("new*"))
+
+
+def test_a_file_whose_inertials_mujoco_ignores_is_refused(path, tmp_path):
+    """Where an included file says so, the written masses had no effect."""
+    robot = Robot.load(path)
+    model = identify(robot, [simulate(robot, random_fourier(robot, 8, seed=1), rate=50)], recursion="none").model
+    (tmp_path / "unit.xml").write_text('<mujoco><compiler angle="radian" inertiafromgeom="true"/></mujoco>')
+    for text in ('<include file="unit.xml"/>', '<compiler angle="radian" inertiafromgeom="true"/>'):
+        path.write_text(ARM.replace('<compiler angle="radian"/>', text))
+        with pytest.raises(InputError, match="makes MuJoCo ignore inertials"):
+            export(model, tmp_path / "new.xml", into=path)
+    path.write_text(ARM.replace("must stay", "must stay, as inertiafromgeom='true'"))
+    export(model, tmp_path / "new.xml", into=path)
+
+
+@pytest.mark.parametrize("place", ['<joint name="elbow"', "<default><joint"])
+def test_a_joint_whose_damping_mujoco_makes_of_other_numbers_is_refused(path, tmp_path, place):
+    """MuJoCo had damped the joint 4.5 times as much as the model, whatever the file said."""
+    robot = Robot.load(path)
+    model = identify(robot, [simulate(robot, random_fourier(robot, 8, seed=1), rate=50)], recursion="none").model
+    path.write_text(ARM.replace(place, f'{place} springdamper="0.1 1"'))
+    with pytest.raises(InputError, match=r"arm.xml, line \d+: springdamper.* makes MuJoCo ignore"):
+        export(model, tmp_path / "new.xml", into=path)
+    path.write_text(ARM.replace(place, f'{place} springdamper="0 1"'))  # MuJoCo takes no notice of this one
+    export(model, tmp_path / "new.xml", into=path)
 
 
 @pytest.mark.parametrize("effects", ["", "viscous@elbow", "coulomb, rotor_inertia@elbow"])

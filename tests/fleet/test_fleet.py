@@ -513,3 +513,21 @@ def test_warnings_that_are_not_listed_are_counted(alone, count, said):
 def test_a_prior_of_another_name_is_refused():
     with pytest.raises(InputError, match="unknown prior 'nome'"):
         FleetOptions(prior="nome")
+
+
+def test_robots_that_rest_in_the_first_chunk_of_large_files(tmp_path, monkeypatch):
+    """The cut-off was a guess, and each log was said to stand still throughout."""
+    robot, rng = fr.Robot.load("planar2"), np.random.default_rng(0)
+    for seed in (1, 2):
+        log = fr.simulate(
+            robot, fr.random_fourier(robot, 10.0, seed=seed), rate=100.0, noise=fr.Noise(q=1e-5, tau=0.02), channels=()
+        )
+        q, tau = (
+            np.vstack([x[:1] + noise * rng.normal(size=(600, 2)), x]) for x, noise in ((log.q, 1e-5), (log.tau, 0.1))
+        )
+        fr.write_log(replace(log, t=np.arange(len(q)) / 100, q=q, tau=tau), tmp_path / f"r{seed}.parquet")
+    monkeypatch.setattr("frischid.fleet.jobs._WHOLE_FILE", 1000)
+    monkeypatch.setattr("frischid.logs.recording.RECORDING_CHUNK", 500)
+    chunks = identify_fleet(robot, find_logs([f"{tmp_path}/*.parquet"]))
+    assert "the motion's bandwidth" in chunks.model.lowpass.reason
+    assert not chunks.warnings

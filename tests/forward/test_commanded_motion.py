@@ -62,6 +62,35 @@ def test_a_recording_has_the_commands_of_the_log(model, servo, tmp_path):
         commanded_source(fr.PDController(kp=KP, delay=1.0), servo, JOINTS)
 
 
+@pytest.mark.parametrize("ends", ["both", "the position", "the command"])
+@pytest.mark.parametrize("chunks", [1, 3])
+def test_angles_that_wrap_are_followed_across_the_wrap(model, servo, ends, chunks):
+    """The commands had jumped by a whole turn, and the simulated arm went after them."""
+    closed = with_controller(model, delay=DELAY)
+    q, goal = (
+        x if ends in only else x % (2 * np.pi) for x, only in ((servo.q, "the command"), (servo.qcmd, "the position"))
+    )
+    wrapped = replace(servo, q=q, qcmd=goal)
+    found = fr.compare_simulated(closed, [in_chunks(wrapped, chunks)], horizons=[0.5])
+    plain = fr.compare_simulated(closed, [in_chunks(servo, chunks)], horizons=[0.5])
+    assert found.whole.joints == pytest.approx(plain.whole.joints, abs=1e-6)
+
+
+def in_chunks(log, count):
+    parts = [log.slice(part[0], part[-1] + 1) for part in np.array_split(np.arange(len(log)), count)]
+    return log if count == 1 else fr.Recording(log.source, lambda _: iter(parts))
+
+
+def test_an_arm_rests_in_the_first_chunk_of_a_recording(servo):
+    t = np.arange(2 * len(servo)) * 0.005
+    q, goal = (np.vstack([np.repeat(x[:1], len(servo), axis=0), x]) for x in (servo.q, servo.qcmd))
+    log = replace(servo, t=t, q=q, qcmd=goal)
+    assert commanded_source(fr.PDController(kp=KP), in_chunks(log, 2), JOINTS).q_cmd.shape == q.shape
+    still = replace(log, qcmd=np.zeros_like(q))
+    with pytest.raises(fr.InputError, match=r"servo: the commanded positions .* never move"):
+        commanded_source(fr.PDController(kp=KP), in_chunks(still, 2), JOINTS)
+
+
 def test_an_unstable_loop_is_said(model, servo):
     held = fr.compare_simulated(with_controller(model, delay=DELAY), [servo], horizons=[0.5])
     assert held.instability is None

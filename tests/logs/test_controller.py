@@ -10,7 +10,7 @@ from scipy.signal import lsim
 import frischid as fr
 from frischid.cli import main
 from frischid.cli.pages import joint_drives
-from frischid.logs.command_checks import check_commands
+from frischid.logs.command_checks import CommandTravel, check_commands
 from frischid.logs.delayed_commands import delayed
 from frischid.logs.driven import driven
 from frischid.model.drive_parameters import DriveParameter
@@ -118,6 +118,43 @@ def test_a_recording_gives_the_torque_of_the_log(tmp_path):
     ends = np.cumsum([len(part) for part in parts])  # a spline's slope is less sure at the last sample of a chunk
     np.testing.assert_allclose(np.delete(whole, ends - 1, 0), np.delete(pd.drive(log).tau, ends - 1, 0), atol=2e-3)
     np.testing.assert_allclose(whole, pd.drive(log).tau, atol=2e-2)
+
+
+def recorded(log, path):
+    fr.write_log(log, path)
+    (recording,) = driven([fr.Recording.open(path, log.joints)], fr.PDController(kp=20.0))
+    return recording
+
+
+def test_a_robot_rests_in_whole_chunks_of_a_recording(tmp_path):
+    """A recorder starts long before the motion: nobody can tell from such a chunk whether the commands ever move."""
+    log, rest = commanded(), 300
+    t = np.arange(rest + len(T)) * 0.01
+    q, goal = (np.vstack([np.repeat(x[:1], rest, axis=0), x]) for x in (log.q, log.qcmd))
+    recording = recorded(replace(log, t=t, q=q, qcmd=goal), tmp_path / "log.parquet")
+    assert not np.ptp(recording.preview().qcmd, axis=0).any()
+    found = np.concatenate([part.tau for part in recording.chunks(100)])
+    np.testing.assert_allclose(found, 20.0 * (goal - q), atol=1e-12)
+
+
+def test_the_commands_of_a_whole_recording_must_move(tmp_path):
+    log = commanded()
+    still = recorded(replace(log, qcmd=np.ones_like(log.q)), tmp_path / "still.parquet")
+    with pytest.raises(fr.InputError, match=r"still.parquet: the commanded positions .* never move"):
+        list(still.chunks(100))
+    servo, wrong = servos(), servos().qcmd.copy()
+    wrong[:, 1] = 0.1
+    other = recorded(replace(servo, qcmd=wrong), tmp_path / "other.parquet")
+    with pytest.raises(fr.InputError, match="the commanded position of middling never moves, and the joint itself"):
+        list(other.chunks(500))
+
+
+def test_the_travel_of_chunks_is_that_of_the_whole():
+    log = servos()
+    whole, parts = CommandTravel.of(log), [log.slice(a, b) for a, b in ((0, 700), (700, 1100), (1100, None))]
+    first, second, third = map(CommandTravel.of, parts)
+    for value, expected in zip(first.joined(second).joined(third)[1:], whole[1:], strict=True):
+        np.testing.assert_allclose(value, expected, atol=1e-12)
 
 
 def test_a_model_from_commands_is_that_from_torques(robot, measured, tmp_path):

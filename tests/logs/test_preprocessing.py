@@ -640,3 +640,15 @@ def test_notes_say_what_is_done_to_a_log_with_a_gap():
     (motion,), notes = (found := prepare(regular, LowPass(None))).motions, found.notes
     (trimmed,) = (float(note.split(": ")[1].split(" s ")[0]) for note in notes if "trimmed" in note)
     assert trimmed == pytest.approx(0.1 * (500 - len(motion.t)))
+
+
+@pytest.mark.parametrize("rate", [0.5, 1.0, 2.0, 4.0])
+def test_a_joint_that_is_sampled_slowly_moves(rate):
+    """Half a second held one sample of a log of 2 Hz, which has no range: the whole log was at standstill."""
+    t = np.arange(0.0, 600.0, 1 / rate)
+    w = 2 * np.pi / 60
+    q = np.where(t < 300, np.sin(w * t), 0.0)[:, None]
+    v, a = np.where(t < 300, w * np.cos(w * t), 0.0)[:, None], np.where(t < 300, -(w**2) * np.sin(w * t), 0.0)[:, None]
+    found = find_standstill(q, v, a, 1 / rate)[:, 0]
+    assert found[t > 305].all()
+    assert found[t < 295].mean() < 0.1

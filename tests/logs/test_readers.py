@@ -624,3 +624,27 @@ def test_a_format_is_one_entry_of_the_table_of_formats(tmp_path, monkeypatch):
     path.write_text("t|q_elbow\n0|first\n")
     with pytest.raises(InputError, match=r"log.pipes: cannot be read as pipes \(could not convert"):
         read_log(path)
+
+
+@pytest.mark.parametrize("kind", ["int64", "uint64"])
+def test_a_clock_in_nanoseconds_that_starts_anew_below_the_first_stamp(tmp_path, kind):
+    """Of numbers without a sign, the difference was 2⁶⁴ ns, and the log 585 years long."""
+    ticks = 10**18 + 10**7 * np.arange(20)
+    np.savez(tmp_path / "log.npz", t=np.append(ticks + 5, ticks).astype(kind), q_a=np.zeros(40))
+    log = read_log(tmp_path / "log.npz", mapping={"file": {"time_unit": "ns", "zero_time": True}})
+    assert log.duration == pytest.approx(2 * 0.19 + 10.0)
+
+
+@pytest.mark.parametrize("late", ["text", "number", "header"])
+def test_blocks_of_a_file_are_read_as_the_whole_file(tmp_path, late):
+    """The first block gives columns their types, and the file was refused at the first line that has another type."""
+    rows = [f"{k / 100:.2f},{np.sin(k / 100):.6f}," for k in range(5000)]
+    if late == "header":
+        rows.insert(2500, "t,q_a,event")
+    else:
+        rows[4500:] = [row + {"text": "reached", "number": "2.5"}[late] for row in rows[4500:]]
+    (tmp_path / "log.csv").write_text("\n".join(["t,q_a,event", *rows]) + "\n")
+    whole, parts = read_log(tmp_path / "log.csv"), list(read_chunks(tmp_path / "log.csv", samples=700))
+    assert len(parts) > 1
+    assert sum(len(part) for part in parts) == len(whole) == 5000
+    np.testing.assert_array_equal(np.concatenate([part.q for part in parts]), whole.q)

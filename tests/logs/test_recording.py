@@ -12,7 +12,8 @@ from frischid.errors import InputError
 from frischid.logs.filters import LowPass
 from frischid.logs.log import Log
 from frischid.logs.preprocessing import prepare
-from frischid.logs.recording import Motions, Recording
+from frischid.logs.recording import Motions, Recording, moving_part
+from frischid.model.log_examination import report_issues
 from frischid.regression.accumulation import MAX_BLOCKS, accumulate
 from frischid.regression.joint_rows import JointRows
 from frischid.regression.moment_blocks import Blocks, total
@@ -165,6 +166,21 @@ def test_a_piece_of_rest_does_no_harm():
     alone = fr.identify(ROBOT, [log], cutoff=8.0, recursion="none")
     assert any("no motion" in w or "no joint moves" in w for w in found.warnings) or found.samples >= alone.samples
     np.testing.assert_allclose(found.model.estimate.theta, alone.model.estimate.theta, rtol=0.02, atol=1e-3)
+
+
+def test_faults_are_looked_for_where_the_arm_moves():
+    """An angle in degrees passed unseen behind a chunk of rest, and the joints were said to be at standstill."""
+    robot = fr.Robot.load("ur5")
+    log = fr.simulate(
+        robot, fr.random_fourier(robot, 20.0, seed=1), rate=100.0, noise=fr.Noise(q=1e-5, tau=0.02), channels=()
+    )
+    q, tau = (np.vstack([np.repeat(x[:1], 2000, axis=0), x]) for x in (log.q, log.tau))
+    q[:, 1] = np.rad2deg(q[:, 1])
+    wrong = Log(np.arange(len(q)) / 100, log.joints, q, tau=tau, source="degrees")
+    assert len(moving_part(recording_of(wrong, [2000]), log.joints)) == len(q) - 2000
+    (whole,), (pieces,) = (report_issues(robot, [x]) for x in (wrong, recording_of(wrong, [2000])))
+    assert "degrees" in [issue.kind for issue in whole.issues]
+    assert [issue.kind for issue in pieces.issues] == [issue.kind for issue in whole.issues]
 
 
 def test_the_command_line_reads_long_files_in_pieces(tmp_path, monkeypatch):

@@ -60,6 +60,27 @@ def test_german_spreadsheet(tmp_path, robot, log):
     np.testing.assert_allclose(np.concatenate([part.q for part in parts]), read.q)
 
 
+@pytest.mark.parametrize("encoding", ["utf-8", "utf-16"])
+def test_decimal_commas_that_begin_where_the_robot_does(tmp_path, encoding):
+    """It rests for 80 whole milliseconds. The first lines had decided that the file has no decimal comma."""
+    t = np.append(np.arange(80.0), 80 + np.arange(300) / 2)
+    q = np.where(t < 80, 0.0, np.sin(t - 80))
+    path = write(tmp_path / "a.csv", ["t", "q_elbow"], np.column_stack([t, q]), ";", encoding, ",")
+    mapping = {"file": {"time_unit": "ms"}}
+    read = read_log(path, mapping=mapping)
+    np.testing.assert_allclose(read.t, t / 1e3)
+    np.testing.assert_allclose(read.q[:, 0], q, atol=1e-8)
+    parts = list(read_chunks(path, mapping=mapping, samples=100))
+    np.testing.assert_allclose(np.concatenate([part.q for part in parts]), read.q)
+
+
+def test_a_text_with_a_comma_is_no_decimal_comma(tmp_path):
+    rows = [[f"{k / 100}", f"{np.sin(k / 100):.9g}", "3,4" if k > 100 else "5"] for k in range(200)]
+    read = read_log(write(tmp_path / "a.csv", ["t", "q_elbow", "state"], rows, ";"))
+    assert read.t[-1] == 1.99
+    assert any(note.startswith("state left out, not numeric") for note in read.notes)
+
+
 def test_utf_16_with_tabs(tmp_path, robot, log):
     head = ["Time", *(f"{n} angle" for n in robot.joints), *(f"{n} torque" for n in robot.joints)]
     path = write(tmp_path / "a.txt", head, np.column_stack([log.t, log.q, log.tau]), "\t", "utf-16")

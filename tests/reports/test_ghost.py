@@ -66,6 +66,25 @@ def test_only_the_beginning_of_a_long_log_is_simulated(shown: Study) -> None:
     assert 0.9 * BESIDE_SECONDS < beside.t[-1] <= BESIDE_SECONDS
 
 
+def resting(log: fr.Log, seconds: float) -> fr.Log:
+    """The log of an arm that rests so long before."""
+    count = round(100 * seconds)
+    rows = {"q": log.q, "qcmd": log.qcmd, "tau": log.tau}
+    before = {name: np.vstack([np.repeat(x[:1], count, axis=0), x]) for name, x in rows.items() if x is not None}
+    return fr.Log(np.arange(count + len(log)) / 100, log.joints, **before, source=log.source)
+
+
+@pytest.mark.parametrize("rest", [5.0, 2 * BESIDE_SECONDS])
+def test_an_arm_that_rests_before_its_motion_is_simulated_along_the_motion(shown: Study, rest: float) -> None:
+    """The beginning of the log had no motion, and the report said that the commands never move."""
+    log = resting(commanded(2), rest)
+    beside = simulated_beside(shown.model, [log])
+    assert isinstance(beside, SimulatedBeside)
+    assert (np.ptp(beside.measured, axis=0) > 0.1).all()
+    places = np.searchsorted(log.t, beside.t - 1e-6)  # t counts from the log's first sample
+    np.testing.assert_allclose(beside.measured, log.q[places], atol=1e-6)
+
+
 def test_the_ghost_is_transparent_and_stands_at_the_simulated_positions(shown: Study) -> None:
     beside = shown.simulated
     assert isinstance(beside, SimulatedBeside)
@@ -130,7 +149,7 @@ def test_a_recorded_torque_moves_the_model_from_a_measured_state_every_second(pu
     assert not beside.closed
     assert beside.source == pushed.held_out[0]
     starts = np.arange(0, len(beside.t), beside.length)
-    assert beside.t[beside.length] == pytest.approx(RESTART)
+    assert beside.t[beside.length] - beside.t[0] == pytest.approx(RESTART)
     np.testing.assert_array_equal(beside.simulated[starts], beside.measured[starts])
 
 
@@ -158,6 +177,12 @@ def test_a_log_without_torque_and_commands_is_not_simulated(pushed: Study) -> No
     positions = replace(pushed.logs[0], tau=None)
     assert simulated_beside(pushed.model, [positions]) is None
     assert "simulated" not in fails(replace(pushed, simulated=None))
+
+
+def test_the_push_of_an_arm_that_rests_first_is_simulated(pushed: Study) -> None:
+    beside = simulated_beside(pushed.model, [resting(pushed.logs[0], 2 * BESIDE_SECONDS)])
+    assert isinstance(beside, SimulatedBeside)
+    assert beside.t[0] > 1.9 * BESIDE_SECONDS
 
 
 def test_an_arm_that_stands_still_says_why_it_is_not_simulated(pushed: Study) -> None:

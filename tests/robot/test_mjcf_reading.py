@@ -68,6 +68,7 @@ def test_masses_that_pinocchio_would_read_otherwise_are_refused(setting, tmp_pat
 UNREAD = {
     "none": ("", "", ()),
     "springs": ('<joint stiffness="3"/>', "", ("springs of joints",)),
+    "springs by time": ('<joint springdamper="0.1 1"/>', "", ("springs of joints",)),
     "no spring": ('<joint stiffness="0 0.0"/>', "", ()),
     "all": (
         '<joint stiffness="3"/>',

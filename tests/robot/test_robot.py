@@ -261,6 +261,16 @@ def test_keep_locks_the_rest():
     assert machine.joints == ("elbow_joint", "wrist_1_joint")
     assert len(machine.locked) == 4
     assert machine.keep(machine.joints) is machine
+    with pytest.raises(UnknownNameError, match="joint 'elbow'"):
+        machine.keep(["elbow"])
+
+
+def test_a_parameter_is_not_known_of_another_link_after_a_lock():
+    """The mass of the shoulder had become that of the forearm, because links count from the first joint that moves."""
+    machine = Robot.load("ur5", known={"m1": 3.7})
+    with pytest.raises(InputError, match="m1 would be known of another link"):
+        machine.keep(machine.joints[2:])
+    assert machine.keep(machine.joints) is machine
 
 
 def test_names_that_do_not_exist():
