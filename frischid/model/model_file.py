@@ -45,7 +45,7 @@ def read_json(path: str | Path) -> Any:
     except (json.JSONDecodeError, UnicodeDecodeError) as error:
         if Path(path).suffix.lower() in {".urdf", ".xml"}:
             raise InputError(f"{path}: a robot, not a model file; {writes}, and this command takes it first") from None
-        raise InputError(f"{path}: not a JSON model file ({error}); {writes}, and it stands before the logs") from None
+        raise InputError(f"{path}: not a JSON model file ({error}); {writes}, and it stands before logs") from None
     except RecursionError:
         raise _too_deep(path) from None
 

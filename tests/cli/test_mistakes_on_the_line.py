@@ -41,7 +41,7 @@ def said(folder, monkeypatch, line):
         ("check log.csv robot.urdf", ["log.csv: not an XML file", "give the robot's URDF", "order of robot and logs"]),
         ("map robot.urdf log.csv", ["log.csv: not an XML file", "order of robot and logs"]),
         ("compare robot.urdf log.csv", ["robot.urdf: a robot, not a model", "frischid identify ROBOT LOG -o"]),
-        ("diagnose log.csv model.json", ["not a JSON model file", "stands before the logs"]),
+        ("diagnose log.csv model.json", ["not a JSON model file", "stands before logs"]),
         ("compare none.json log.csv", ["cannot be read", "frischid identify ROBOT LOG -o model.json"]),
         ("identify robot.urdf model.json", ["model.json: a model, not a log", ".parquet"]),
         ("identify robot.urdf other.json", ["cannot read '.json' files", "pandas.json_normalize"]),
@@ -55,6 +55,11 @@ def said(folder, monkeypatch, line):
         ("identify robot.urdf log.csv --torque-lag late", ["'late' is not a number of seconds, nor auto or none"]),
         ("cut log.csv --from 5 --until 3 -o part.csv", ["from 5 s until 3 s", "--until, stop=) must be later"]),
         ("report model.json log.csv -o report.pdf", ["report.pdf: a report is an HTML page", ".html"]),
+        (
+            "export model.json -o x.xml --into robot.urdf",
+            ["robot.urdf: no MJCF file", "takes the MJCF file"],
+        ),
+        ("improve model.json log.csv --max-steps -1", ["--max-steps", "-1 is not in the range x>=0"]),
         ("studio none.json log.csv", ["none.json: the model file cannot be read"]),
     ],
 )
