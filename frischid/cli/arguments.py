@@ -43,10 +43,13 @@ def robot_options(command: Callable[..., Any]) -> Callable[..., Any]:
             "--gravity",
             type=float,
             nargs=3,
+            metavar="X Y Z",
             default=None,
             help="Gravity in the world, m/s². [default: that of an MJCF file, else 0 0 -9.81]",
         ),
-        click.option("--base-rpy", type=float, nargs=3, default=None, help="Roll, pitch, yaw of the base, rad."),
+        click.option(
+            "--base-rpy", type=float, nargs=3, metavar="R P Y", default=None, help="Roll, pitch, yaw of the base, rad."
+        ),
         click.option(
             "--frames",
             default="joint",
@@ -164,12 +167,12 @@ def pairs(items: Sequence[str]) -> dict[str, str]:
     return found
 
 
-def number(name: str, text: str) -> float:
-    """A number, or an error that names the option."""
+def number(name: str, text: str, unless: str = "") -> float:
+    """A number, or an error that names the option; `unless` says what else the option takes."""
     try:
         return float(text)
     except ValueError:
-        raise InputError(f"{name}: '{text}' is not a number") from None
+        raise InputError(f"{name}: '{text}' is not a number{unless}") from None
 
 
 def angle_of(joint: str, text: str) -> float:
@@ -181,12 +184,16 @@ def angle_of(joint: str, text: str) -> float:
 
 def cutoff_of(text: str) -> Any:
     """Cut-off frequency in Hz, ``auto``, or none."""
-    return {"auto": "auto", "none": None}.get(text) if text in {"auto", "none"} else number("--cutoff", text)
+    if text in {"auto", "none"}:
+        return {"auto": "auto", "none": None}[text]
+    return number("--cutoff", text, " of Hz, nor auto or none")
 
 
 def torque_lag_of(text: str) -> Any:
     """Lag of the torque in s, ``auto``, or zero for none."""
-    return {"auto": "auto", "none": 0.0}.get(text) if text in {"auto", "none"} else number("--torque-lag", text)
+    if text in {"auto", "none"}:
+        return {"auto": "auto", "none": 0.0}[text]
+    return number("--torque-lag", text, " of seconds, nor auto or none")
 
 
 def channels_of(text: str) -> list[str]:

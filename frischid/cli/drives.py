@@ -29,7 +29,13 @@ from frischid.cli.paths import InputPath
 @click.option("--unloaded", multiple=True, type=InputPath(), required=True, help="Log without the payload; repeatable.")
 @click.option("--loaded", multiple=True, type=InputPath(), required=True, help="Log with the payload; repeatable.")
 @click.option("--payload", type=float, required=True, help="Mass of the payload, kg.")
-@click.option("--com", type=float, nargs=3, help="Payload's centre of mass in the carrying joint's frame, m, if known.")
+@click.option(
+    "--com",
+    type=float,
+    nargs=3,
+    metavar="X Y Z",
+    help="Payload's centre of mass in the carrying joint's frame, m, if known.",
+)
 @click.option("--carrier", help="Joint whose link carries the payload; the last by default.")
 @cutoff_option
 @robot_options

@@ -64,7 +64,10 @@ def consistent(model: str, box: tuple[str, ...], no_shapes: bool, output: str | 
 )
 @click.option("--into", type=InputPath(), help="The robot's own MJCF file: only its numbers change in the written one.")
 @click.option(
-    "--step", type=float, metavar="S", help="Step of the simulator, s: drives.json or .csv counts delays in steps."
+    "--step",
+    type=float,
+    metavar="S",
+    help="Step of the simulator, s; 0.005 by default. drives.json and .csv count delays in steps.",
 )
 @box_options
 @click.option("--force", is_flag=True, help="Export the model as identified, even if it is not physical.")

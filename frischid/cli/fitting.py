@@ -30,7 +30,7 @@ from frischid.cli.group import main
 from frischid.cli.inputs import load, model_of, names_of, opened
 from frischid.cli.output import show_page, working
 from frischid.cli.paths import InputPath, OutputPath
-from frischid.errors import InputError
+from frischid.errors import InputError, UnknownNameError
 
 
 @main.command()
@@ -151,7 +151,10 @@ def identify(
     from frischid.forward.output_error import output_error
     from frischid.forward.shooting import OutputErrorOptions
     from frischid.model.identification import identify as run
+    from frischid.model.identify_options import ESTIMATORS
 
+    if estimator not in (names := (*ESTIMATORS, "output_error")):
+        raise UnknownNameError("estimator", estimator, names)
     simulated = estimator == "output_error"
     if horizon is not None and not simulated:
         raise InputError("--horizon is the length of a simulated motion; give it with --estimator output_error")

@@ -138,7 +138,13 @@ def add(
 @map_option
 @situation_option
 @torque_joints_option
-@click.option("--max-steps", default=8, show_default=True, help="Largest number of effects to add.")
+@click.option(
+    "--max-steps",
+    type=click.IntRange(min=0),
+    default=8,
+    show_default=True,
+    help="Largest number of effects to add.",
+)
 @click.option(
     "--exportable", type=click.Choice(["c", "mjcf", "urdf"]), help="Try only effects that such an export holds whole."
 )

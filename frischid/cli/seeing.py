@@ -19,8 +19,10 @@ from frischid.cli.group import main
 from frischid.cli.inputs import model_of, models_of, opened, opened_or_own, read
 from frischid.cli.output import show_page, working
 from frischid.cli.paths import InputPath, OutputPath, also_written
+from frischid.errors import InputError
 
 MODEL_SUFFIX = ".json"  # no log has this suffix
+PAGE_SUFFIXES = (".html", ".htm")
 
 
 @main.command()
@@ -49,6 +51,7 @@ def report(
     read again.
     """
     from itertools import takewhile
+    from pathlib import Path
 
     from frischid.cli.pages import seeing as show
     from frischid.reports.page import report as run
@@ -56,6 +59,8 @@ def report(
     further = tuple(takewhile(lambda path: path.endswith(MODEL_SUFFIX), logs))
     models = models_of((model, *further), torque_joints)
     loaded = next(iter(models.values()))
+    if Path(output).suffix.lower() not in PAGE_SUFFIXES:
+        raise InputError(f"{output}: a report is an HTML page; give it a name that ends with .html")
     with working(as_json) as progress:
         progress("reading logs")
         data = opened_or_own(logs[len(further) :], loaded, mapping, progress)
@@ -95,6 +100,8 @@ def studio(
 
     from frischid.studio import Studio
 
+    if not Path(model).is_file():
+        model_of(model)  # an error, before a page opens
     path = output or f"{os.path.splitext(model)[0]}-studio.json"  # noqa: PTH122 (an empty name is an error below)
     if output is None:
         also_written(path)

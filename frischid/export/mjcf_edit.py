@@ -25,7 +25,7 @@ from frischid.export.mjcf_share import JOINT_ATTRIBUTES, Share, share_of
 from frischid.export.names import number
 from frischid.model.model import Model
 from frischid.robot.inertia import dynamic_parameters, is_physical, pseudo_inertia
-from frischid.robot.mjcf_reading import ignores_inertials, in_degrees, model_of_mjcf
+from frischid.robot.mjcf_reading import ignores_inertials, in_degrees, is_mjcf, model_of_mjcf
 from frischid.robot.robot import Robot
 from frischid.robot.xml_places import Element, elements
 
@@ -49,11 +49,16 @@ def edited_mjcf(model: Model, path: Path) -> str:
     robot = model.robot
     try:
         data = path.read_bytes()
-        data.decode("utf-8")
+        text = data.decode("utf-8")
     except OSError as error:
         raise InputError(f"{path}: the MJCF file cannot be read ({error.strerror})") from None
     except UnicodeDecodeError as error:
         raise InputError(f"{path}: byte {error.start} is not UTF-8; save the MJCF file as UTF-8 first") from None
+    if not is_mjcf(text):
+        raise InputError(
+            f"{path}: no MJCF file, because it has no <mujoco>; --into (into=) takes the MJCF file of the robot. "
+            "Without it, the whole robot is written"
+        )
     if ignores_inertials(path):
         raise InputError(f'{path}: inertiafromgeom="true" makes MuJoCo ignore inertials; set it to "auto" first')
     root = elements(data, str(path))

@@ -15,7 +15,8 @@ Start with `log`, then `readers` and `preprocessing`. The modules by the work th
   `column_words`), units (`column_units`), motion (`column_motion`), gains (`gain_guess`) and the columns
   that none of these explains (`left_columns`). `mapping_fix` undoes the faults that a check found.
 - **Torque that was not measured.** `driven` takes it from commands (`controller`, `controller_values`,
-  `delayed_commands`, `command_checks`) or from currents (`current_gains`).
+  `delayed_commands`, `command_checks`) or from currents (`current_gains`); `torque_instead` says where
+  else it may come from.
 - **A motion.** `preprocessing` uses `time_grid`, `derivatives`, `filters` and `standstill`. `summary` looks at all logs
   before: `cutoff_choice`, `velocity_lag`, `wraps`, `poses`, `locked_joints`, `repeated_motion`.
 - **Public logs.** `datasets`, `dataset_list`, `dataset_checks`.

@@ -161,7 +161,11 @@ def _columns_of_joints(
 ) -> tuple[dict[str, dict[str, str]], set[str]]:
     """Column of each channel of each joint, and the columns of joints that the robot does not have."""
     explicit = {
-        joint: {c: table.find(ref) for c in CHANNELS if (ref := getattr(entry, c)) is not None}
+        joint: {
+            c: table.find(ref, f"{c} of {joint} in {form.source}")
+            for c in CHANNELS
+            if (ref := getattr(entry, c)) is not None
+        }
         for joint, entry in form.joint.items()
     }
     claimed = [name for columns in explicit.values() for name in columns.values()]

@@ -13,11 +13,12 @@ from dataclasses import replace
 import numpy as np
 
 from frischid.core.remembered import Remembered
+from frischid.errors import InputError
 from frischid.logs.command_checks import MOST_DELAY_STEPS, CommandTravel
 from frischid.logs.controller import SPLINE_SAMPLES, PDController, commanded
 from frischid.logs.current_gains import CurrentGains
 from frischid.logs.log import Log
-from frischid.logs.recording import Recording, joined
+from frischid.logs.recording import Recording, joined, preview_of
 from frischid.logs.wraps import commands_unwrapped
 
 _DRIVEN = Remembered[Log | None]()
@@ -36,6 +37,25 @@ def driven(
     if currents is not None:
         found = tuple(_with_currents(x, currents) if isinstance(x, Recording) else _driven(x, currents) for x in found)
     return found
+
+
+def idle(logs: Iterable[Log | Recording], controller: PDController | None) -> list[str]:
+    """A sentence where a controller was named and no log has a command: the controller makes no torque then.
+
+    Raises
+    ------
+    InputError
+        kp is not known either, and no command can show it.
+    """
+    if controller is None or any(preview_of(log).has("qcmd").any() for log in logs):
+        return []
+    said = (
+        "no log has commanded positions (qcmd_<joint>): the controller makes no torque and takes no part in the fit; "
+        "name the columns of the commands in a mapping file, or leave the controller out"
+    )
+    if not controller.kp:
+        raise InputError(said)
+    return [said]
 
 
 def _driven(log: Log, drive: PDController | CurrentGains) -> Log:

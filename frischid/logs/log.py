@@ -24,6 +24,7 @@ from numpy.typing import ArrayLike, NDArray
 from frischid.core.types import Array
 from frischid.errors import InputError, UnknownNameError
 from frischid.logs.log_file import LogFile
+from frischid.logs.torque_instead import torque_instead
 
 Place = Callable[[int], str]
 
@@ -311,36 +312,23 @@ def check_motion(log: Log) -> None:
         )
 
 
-def check_torque(log: Log, joints: Sequence[str] | None = None) -> None:
+def check_torque(log: Log, joints: Sequence[str] | None = None, *, fitted: bool = False) -> None:
     """Refuse a log without any torque to fit.
 
     Parameters
     ----------
     joints : sequence of str, optional
         Joints that must have a torque, all by default.
+    fitted : bool
+        Whether the log is for a model that was fitted to torques: such a model has no controller.
     """
     wanted = log.joints if joints is None else tuple(joints)
     present = [j for j in log.index(wanted) if log.has("tau")[j]]
     if log.tau is None or not present:
-        hint = (
-            ""
-            if log.current is None
-            else "; currents become torques by [current_gain] in a mapping file (--map); `frischid gains` finds the "
-            "gains from logs with and without a known payload"
-        )
-        if log.qcmd is not None:
-            hint += (
-                "; commanded positions become torques by --controller pd --kp ... (controller=frischid.PDController)"
-            )
-        elif any(name.startswith("ctrl_") for name in log.extra):
-            hint += (
-                "; MuJoCo's ctrl is a commanded position with position actuators (qcmd = 'ctrl_{joint}' under "
-                "[default] in a mapping file, and --controller pd --kp ...), and a torque only with motors of gear 1 "
-                "(tau = 'ctrl_{joint}'); qfrc_actuator is the torque with every actuator"
-            )
+        columns = list(log.to_table())
         raise InputError(
-            f"{log.source}: no torque column (tau_<joint>) for {', '.join(wanted)}{hint}; "
-            f"the log has {', '.join(log.to_table())}"
+            f"{log.source}: no torque column (tau_<joint>) for {', '.join(wanted)}; {torque_instead(columns, fitted)}; "
+            f"the log has {', '.join(columns)}"
         )
     if not log.tau[:, present].any():
         names = ", ".join(f"tau_{log.joints[j]}" for j in present)

@@ -37,6 +37,11 @@ def stretch(log: Log, start: float | None = None, stop: float | None = None) -> 
     >>> len(fitted), len(held), fitted.identity == held.identity
     (700, 300, False)
     """
+    if start is not None and stop is not None and stop <= start:
+        raise InputError(
+            f"{log.source}: from {start:g} s until {stop:g} s: the end (--until, stop=) must be later than the "
+            "beginning (--from, start=)"
+        )
     seconds = log.t - log.t[0]
     # a stamp that is a rounding error before the border belongs behind it
     near = 1e-6 / log.rate

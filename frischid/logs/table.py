@@ -34,12 +34,13 @@ class Table:
         """Number of rows."""
         return len(next(iter(self.numeric.values()), ()))
 
-    def find(self, reference: str | int) -> str:
-        """Name of a column given by name, or by number from 0."""
+    def find(self, reference: str | int, asked: str = "") -> str:
+        """Name of a column given by name, or by number from 0; `asked` says who names it, for messages."""
         if isinstance(reference, int) and 0 <= reference < len(self.names):
             return self.names[reference]
         if reference not in self.names:
-            raise UnknownNameError("column", str(reference), self.names, self.source)
+            where = f"{self.source} ({asked})" if asked else self.source
+            raise UnknownNameError("column", str(reference), self.names, where)
         return str(reference)
 
     def values(self, name: str) -> NDArray[Any]:

@@ -68,6 +68,7 @@ OTHER_FORMATS = {
     ".asc": "if the file is a table of text, rename it to .csv",
 }
 """The commands that turn files of other formats into one that can be read."""
+_SCHEMA_WITHIN = 200  # bytes of a model file that hold its schema
 
 
 def format_of(path: Path) -> TableFormat | None:
@@ -100,20 +101,40 @@ def _checked(path: Path) -> TableFormat:
     """The format of a file that can be read; otherwise an error with the reason."""
     supported = ", ".join(LOG_SUFFIXES)
     if path.is_dir():
-        raise InputError(f"{path}: is a folder; give one file ({supported}), or the folder of a ROS 2 bag")
+        raise InputError(
+            f"{path}: is a folder; {_logs_within(path)} (log files are {supported}, or the folder of a ROS 2 bag)"
+        )
     if not path.exists():
         close = close_names(path.name, (p.name for p in path.parent.glob("*")))
         hint = f"; did you mean {', '.join(close)}?" if close else ""
         if not path.parent.is_dir():
             hint = f", and no folder {path.parent}; check the path"
+        elif any(sign in path.name for sign in "*?["):
+            hint = "; write the pattern without quotes: the shell then puts the names of the files in its place"
         raise InputError(f"{path}: there is no such file{hint}")
     found = format_of(path)
     if found is None:
+        if path.suffix.lower() == ".json" and _is_model(path):
+            raise InputError(f"{path}: a model, not a log; give the recordings here ({supported})")
         hint = f"; {how}" if (how := OTHER_FORMATS.get(path.suffix.lower())) else ""
         raise InputError(f"{path}: cannot read '{path.suffix}' files; supported are {supported}{hint}")
     if path.stat().st_size == 0:
         raise InputError(f"{path}: the file is empty")
     return found
+
+
+def _is_model(path: Path) -> bool:
+    """Whether a JSON file is a model of frischid."""
+    with path.open("rb") as file:
+        return b'"frischid.model/' in file.read(_SCHEMA_WITHIN)
+
+
+def _logs_within(folder: Path) -> str:
+    """What to give in place of a folder."""
+    suffixes = sorted({p.suffix for p in folder.glob("*") if p.suffix.lower() in LOG_SUFFIXES})
+    if not suffixes:
+        return "no log is in it; give the files of the logs"
+    return f"give its files, for example {' '.join(str(folder / f'*{suffix}') for suffix in suffixes)}"
 
 
 @contextmanager

@@ -23,7 +23,7 @@ from frischid.estimators.least_squares import Estimate, ols, wls
 from frischid.estimators.map_estimate import MapEstimate, map_estimate
 from frischid.estimators.parameter_prior import ParameterPrior
 from frischid.estimators.urdf_prior import urdf_prior
-from frischid.logs.driven import driven
+from frischid.logs.driven import driven, idle
 from frischid.logs.filters import LowPass
 from frischid.logs.preprocessing import Motion
 from frischid.logs.recording import Motions, Recording, check_logs
@@ -107,6 +107,7 @@ def read_logs(
         options.controller.check_joints((*robot.joints, *robot.locked))
         journal.progress("the controller's gains and delay")
         options = replace(options, controller=known_controller(robot, logs, options, journal.notes))
+    journal.warnings += idle(logs, options.controller)
     logs, valid = driven(logs, options.controller), driven(valid, options.controller)
     options = replace(options, currents=known_currents(robot, logs, options, journal.notes))
     logs, valid = driven(logs, None, options.currents), driven(valid, None, options.currents)

@@ -25,10 +25,11 @@ def check_logs_fit(robot: Robot, joints: Sequence[str], logs: Sequence[Log | Rec
         if absent:
             raise InputError(
                 f"{log.source}: no position (q_<joint>) of {', '.join(absent)}, and the model needs every joint's; "
-                f"the log has {', '.join(head.joints)}"
+                f"the log has {', '.join(head.joints)}; name the column in a mapping file (`frischid map LOG ROBOT -o "
+                "map.toml` proposes one), or leave the log out"
             )
         if isinstance(log, Log):
-            check_torque(head, joints)
+            check_torque(head, joints, fitted=True)
         there = head.has("tau")
         missing = [n for n, j in zip(joints, head.index(joints), strict=True) if not there[j]]
         if missing:

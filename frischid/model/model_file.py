@@ -37,14 +37,15 @@ def read_json(path: str | Path) -> Any:
     InputError
         The file cannot be read, or is not JSON.
     """
+    writes = "`frischid identify ROBOT LOG -o model.json` writes one"
     try:
         return json.loads(Path(path).read_text(encoding="utf-8"))
     except OSError as error:
-        raise InputError(f"{path}: the model file cannot be read ({error.strerror})") from None
+        raise InputError(f"{path}: the model file cannot be read ({error.strerror}); {writes}") from None
     except (json.JSONDecodeError, UnicodeDecodeError) as error:
-        raise InputError(
-            f"{path}: not a JSON model file ({error}); the command `frischid identify` writes one"
-        ) from None
+        if Path(path).suffix.lower() in {".urdf", ".xml"}:
+            raise InputError(f"{path}: a robot, not a model file; {writes}, and this command takes it first") from None
+        raise InputError(f"{path}: not a JSON model file ({error}); {writes}, and it stands before logs") from None
     except RecursionError:
         raise _too_deep(path) from None
 

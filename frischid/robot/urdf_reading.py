@@ -104,7 +104,15 @@ def parse_urdf(text: str, source: str) -> ET.Element:
     try:
         root = ET.fromstring(text)
     except ET.ParseError as error:
-        raise InputError(f"{source}: not an XML file, so not a URDF: {error}") from None
+        if text.lstrip()[:1] == "{":
+            raise InputError(
+                f"{source}: a JSON file, such as a model, and no robot: give the robot's URDF or MJCF file here; "
+                "`frischid compare`, `diagnose`, `add` and `improve` take a model"
+            ) from None
+        raise InputError(
+            f"{source}: not an XML file, so not a URDF: {error}; give the robot's URDF or MJCF file here "
+            "(--help of the command has the order of robot and logs)"
+        ) from None
     if root.tag != "robot":
         raise InputError(f"{source}: the root element is <{root.tag}>, a URDF has <robot>")
     if any("xacro" in element.tag for element in root.iter()):

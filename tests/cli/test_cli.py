@@ -374,7 +374,7 @@ def test_missing_files(fitted, logs):
     refused(["not a JSON model file"], "compare", logs / "second.csv", logs / "valid.npz")
     refused(["mapping file cannot be read"], "check", "planar2", logs / "first.parquet", "--map", logs / "no.toml")
     refused(["Missing argument"], "identify", "planar2")
-    refused(["cannot read '.json' files"], "check", "planar2", fitted[0])
+    refused(["a model, not a log"], "check", "planar2", fitted[0])
 
 
 def with_value(value, row=7):

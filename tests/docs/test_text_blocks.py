@@ -48,6 +48,18 @@ def test_the_loop_of_the_page_on_export_compiles(tmp_path):
 
 
 @pytest.mark.skipif(not os.environ.get("FRISCHID_DATA"), reason="no measured logs")
+def test_the_urdf_of_the_page_on_emps_gives_the_figures_of_the_page(tmp_path):
+    (tmp_path / "emps.urdf").write_text(block("robots/emps.md", "xml"), encoding="utf-8")
+    robot = fr.Robot.load(tmp_path / "emps.urdf")
+    folder = Path(os.environ["FRISCHID_DATA"]) / "emps" / "logs"
+    log, test = (fr.read_log(folder / f"{name}.parquet", robot.joints) for name in ("train", "test_pulses"))
+    found = fr.identify(robot, [log], valid=[test], recursion="none").headline
+    page = (DOCS / "robots" / "emps.md").read_text(encoding="utf-8")
+    assert f"| identified | {found.nrmse:.4f} |" in page
+    assert f"| URDF's links with fitted friction | {found.urdf_nrmse:.4f} |" in page
+
+
+@pytest.mark.skipif(not os.environ.get("FRISCHID_DATA"), reason="no measured logs")
 def test_what_the_guides_print_about_a_ur10e(tmp_path, monkeypatch):
     folder = Path(os.environ["FRISCHID_DATA"]) / "ur10e"
     monkeypatch.chdir(tmp_path)

@@ -390,7 +390,7 @@ def test_nanoseconds_since_1970(tmp_path):
         ({"joint": {"a": {"sign": True}}}, ["sign = True"]),
         ({"joint": {"a": {"gear_ratio": 0}}}, ["gear_ratio = 0"]),
         ({"joint": {"a": {"offset": float("nan")}}}, ["offset = nan"]),
-        ({"joint": {"a": {"q": "q_c"}}}, ["unknown column 'q_c'", "q_a"]),
+        ({"joint": {"a": {"q": "q_c"}}}, ["unknown column 'q_c'", "(q of a in mapping)", "q_a"]),
         ({"joint": {"a": {"q": "q_b"}, "b": {"q": "q_b"}}}, ["q_b is given to two channels"]),
         ({"joint": {"c": {"v": "q_a"}}}, ["'c' has no position column"]),
         ({"current_gain": {"c": 2.0}}, ["'c' has no position column"]),
