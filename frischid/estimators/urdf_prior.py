@@ -290,7 +290,18 @@ def gaussian(mean: Array, scaled: Array) -> Prior:
     scaled : ndarray, shape (p, C)
         A root of the covariance.
     """
+    correlation, scale = _invertible(scaled)
+    return Prior(mean, np.linalg.inv(correlation) / np.outer(scale, scale))
+
+
+def precision_root(scaled: Array) -> Array:
+    """Rows W, (p, p), with WᵀW the precision of `gaussian`; a product WᵀW would lose half of the digits."""
+    correlation, scale = _invertible(scaled)
+    return np.asarray(np.linalg.inv(np.linalg.cholesky(correlation)) / scale)
+
+
+def _invertible(scaled: Array) -> tuple[Array, Array]:
+    """Correlation of `scaled scaledᵀ`, with something added to its diagonal, and standard deviations (p,)."""
     covariance = scaled @ scaled.T
     scale = np.sqrt(np.diag(covariance))
-    correlation = covariance / np.outer(scale, scale) + 1e-9 * np.eye(len(scale))
-    return Prior(mean, np.linalg.inv(correlation) / np.outer(scale, scale))
+    return np.asarray(covariance / np.outer(scale, scale) + 1e-9 * np.eye(len(scale))), np.asarray(scale)

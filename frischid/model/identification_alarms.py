@@ -19,7 +19,7 @@ from frischid.core.types import Array, Column
 from frischid.effects import Coulomb, Offset, Viscous
 from frischid.estimators.map_estimate import MapEstimate, friction_alone, map_estimate
 from frischid.estimators.normal_equations import WORST_CONDITION
-from frischid.estimators.urdf_prior import gaussian
+from frischid.estimators.urdf_prior import precision_root
 from frischid.logs.preprocessing import Motion
 from frischid.model.alarms import (
     Alarm,
@@ -207,16 +207,15 @@ def _steps_to_least_squares(problem: Problem, posterior: MapEstimate) -> Array:
     along one of the k other directions, by one standard deviation of the prior.
     """
     mapping, prior, moments = problem.reduction.mapping, posterior.prior, problem.whole.weighted(1 / posterior.variance)
-    known = gaussian(mapping @ prior.mean, mapping * prior.total_spread).precision
+    known = precision_root(mapping * prior.total_spread)
     unit = np.sqrt(np.diag(moments)[:-1])
-    unit = np.where(unit > 0, unit, np.sqrt(np.diag(known)))
+    unit = np.where(unit > 0, unit, np.linalg.norm(known, axis=0))
     values, axes = linalg.eigh(moments[:-1, :-1] / np.outer(unit, unit))
     told = values > values[-1] / WORST_CONDITION**2
     pull = (moments[:-1, -1] - moments[:-1, :-1] @ posterior.theta) / unit
     certain = axes[:, told] @ ((axes[:, told].T @ pull) / values[told])
     open_axes = axes[:, ~told]
-    precision = open_axes.T @ (known / np.outer(unit, unit)) @ open_axes
-    free = open_axes @ np.linalg.inv(np.linalg.cholesky(precision)).T
+    free = open_axes @ np.linalg.inv(np.linalg.qr((known / unit) @ open_axes, mode="r"))
     return np.asarray(np.column_stack([certain, free]) / unit[:, None])
 
 
