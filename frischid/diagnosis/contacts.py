@@ -4,12 +4,13 @@ A contact makes the residual e_j of joint j large for a few tenths of a second t
 otherwise explains. With u_j the robust standard deviation of e_j (from the median absolute deviation), the smoothed
 energy of the residual is
 
-    z_j(t) = mean of e_j² / (u_j² + x_jᵀ H⁻¹ x_j) over 0.25 s around t,
+    z_j(t) = mean of e_j² / (u_j² + x_jᵀ H⁻¹ x_j + (Δt dτ̂_j/dt)² / 12) over 0.25 s around t,
 
 where x_j are the columns of the model at that time and H is the information of its parameters. The second term is the
 variance of a prediction: a fit that has not seen the fast part of a motion predicts it badly, and nothing has touched
-the robot there (a studentised residual). e_j is the residual without what friction with memory remembers from before
-the log (`start_states`).
+the robot there (a studentised residual). The third term is that of sampling: samples Δt apart tell the time at which
+the torque jumps to half a step, such as where a trapezoidal motion begins to brake. e_j is the residual without what
+friction with memory remembers from before the log (`start_states`).
 
 A *burst* is a stretch of time with z_j > 6 in which z_j exceeds 30 at least once. A contact also biases the parameters.
 So bursts are those beside a robust fit (`robust_fit`). Then the parameters are fitted again without the bursts, and the
@@ -188,7 +189,9 @@ def _bursts(validator: CrossValidator, rest: CrossValidator, theta: Array, unit:
         for row, noise in enumerate(scale):
             joint, active = data.of_motion(row, number), data.cache.active[row]
             variance = np.einsum("ni,ij,nj->n", joint.Y, covariance[np.ix_(active, active)], joint.Y, optimize=True)
-            error, variance = validator.columns.residual(joint, theta), variance + noise**2
+            fitted = validator.columns.predicted(joint, theta)
+            jumps = data.cache.motions[number].step * _slope(fitted, t[joint.picked])
+            error, variance = joint.tau - fitted, variance + noise**2 + jumps**2 / 12
             if row in remembered:
                 error, variance = without_memory(error, variance, remembered[row][joint.picked])
             sigma = np.sqrt(variance)
@@ -196,6 +199,11 @@ def _bursts(validator: CrossValidator, rest: CrossValidator, theta: Array, unit:
         reach = filtered_width(validator.model.lowpass, data.cache.motions[number].step)
         found += _of_motion(source, t, z**2, friction**2, speed, reach, validator)
     return found
+
+
+def _slope(x: Array, t: Array) -> Array:
+    """Derivative of x at the times t, (n,); zero for a single sample."""
+    return np.asarray(np.gradient(x, t)) if len(t) > 1 else np.zeros(len(t))
 
 
 def robust_spread(rest: CrossValidator, theta: Array) -> list[float]:

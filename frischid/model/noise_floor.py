@@ -4,18 +4,21 @@ Imagine a robot exactly like the model, with dry friction that changes its sign 
 measured path and is recorded by sensors as noisy as the log's. The model's error on this recording is the floor. With F
 the parallel filter,
 
-    floor_j² = ‖F (τ̂(q, q̇, q̈) − τ̂(q + n_q, q̇ + n_q̇, q̈ + n_q̈))_j‖² / N  +  s_j² ‖h‖²
+    floor_j² = ‖F (τ̂(q, q̇, q̈) − τ̂(q + n_q, q̇ + n_q̇, q̈ + n_q̈))_j‖² / N  +  (s_j² + A_j² / 12) ‖h‖²
 
 - n are random draws of the channels' noise (`noisy_motion`).
 - h are the filter's taps, and s_j² is the torque's noise *within* the filter's band. The noise of drives is seldom
   white, and motion hides it inside the band. So it is measured in the octaves above the band and extrapolated into the
   band (`torque_noise`).
+- A_j² is the mean square of the torque's jumps between two samples (`sampled_jumps`). Where a trapezoidal motion begins
+  to brake, the torque jumps, and samples tell the time of a jump to half a step only. At 100 Hz this error may be
+  several times that of the sensors.
 
 The first term contains position noise that reaches the torque through the accelerations. It also contains errors at
 reversals: noise shifts reversals, and the model's friction is smoothed. A robot whose friction is as smooth as the
-model's has a lower floor than one with sharp friction; the residual error decides between the two
-(`NoiseFloor.under`). Noise that varies as slowly as the motion cannot be distinguished from physics, so it is not part
-of the floor and counts as unexplained.
+model's, and whose torque does not jump, has a lower floor than one with sharp friction and jumps; the residual error
+decides between the two (`NoiseFloor.under`). Noise that varies as slowly as the motion cannot be distinguished from
+physics, so it is not part of the floor and counts as unexplained.
 """
 
 from __future__ import annotations
@@ -69,7 +72,7 @@ class NoiseFloor:
     ----------
     bounds : ndarray, shape (2, J)
         Sum over samples of the floor's square, (N·m)² (N²): for dry friction as smooth as the model's, and for a sharp
-        one.
+        one and torques that jump.
     samples : int
         Number of samples in the sum.
     passed : int
@@ -121,16 +124,40 @@ class NoiseFloor:
         self.octaves.append(octaves)
         level = torque_noise(motion.tau[:, index], octaves, self.model.lowpass)
         through = _THROUGH.of(motion, self._key, lambda: _through_the_motion(self.model, motion))
-        return np.asarray((level * np.linalg.norm(taps)) ** 2 + through)
+        jumps = sampled_jumps(motion.tau[:, index], motion.direction[:, index]) / 12
+        white = np.stack([level**2, level**2 + jumps])
+        return np.asarray(white * np.linalg.norm(taps) ** 2 + through)
 
     def under(self, rmse: Array) -> Array:
         """Floor of each joint, N·m (N), shape (J,), for a model with this residual error.
 
         The floor is the residual error, limited to the range from the floor with friction as smooth as the model's to
-        the floor with sharp friction: the robot's friction is in between.
+        the floor with sharp friction and jumps: the robot is in between.
         """
         smooth, sharp = np.sqrt(self.bounds / self.samples)
         return np.asarray(np.maximum(smooth, np.minimum(sharp, rmse)))
+
+
+def sampled_jumps(x: Array, direction: Array) -> Array:
+    """Mean square of a torque's jumps between two samples, while a joint moves in one direction, (N·m)² (N²), (J,).
+
+    A jump of height A is -A/2, A, -A/2 in the halves of the torque's third differences. Noise has as much of them as
+    their median says. The rest is that of jumps.
+
+    Parameters
+    ----------
+    x : ndarray, shape (N, J)
+        Torque, uniformly sampled.
+    direction : ndarray, shape (N, J)
+        Sign of the speed; 0 at standstill (`Motion.direction`).
+    """
+    third = np.diff(x, n=3, axis=0) / 2
+    one_way = np.abs(sum(direction[k : len(direction) - 3 + k] for k in range(4))) == 4
+    found = np.zeros(x.shape[1])
+    for j, (differences, here) in enumerate(zip(third.T, one_way.T, strict=True)):
+        if here.any():
+            found[j] = np.mean(differences[here] ** 2) - robust_std(differences[here]) ** 2
+    return np.maximum(found, 0.0) / 1.5
 
 
 def octaves_above(x: Array, direction: Array, step: float, lowpass: LowPass) -> Octaves:

@@ -177,3 +177,44 @@ def test_what_a_state_before_the_log_explains_is_hardly_a_push():
     assert np.abs(rest[:2900]).max() < 1.0
     assert rest[3050] > 19.0
     assert np.sqrt(variance).max() < 0.11
+
+
+class Trapezoids:
+    """Both joints of a planar arm to and fro in trapezoidal motions, whose corners lie between samples."""
+
+    duration, speed, acceleration = 30.0, 0.6, 3.0
+
+    def __init__(self, seed):
+        rng = np.random.default_rng(seed)
+        self.starts = 1 + 3.5 * np.arange(8) + rng.uniform(0, 0.01, 8)
+        self.ways = rng.uniform(0.5, 1.2, (8, 2)) * np.where(np.arange(8) % 2, -1.0, 1.0)[:, None]
+
+    def __call__(self, t):
+        q, v, a = np.zeros((3, len(t), 2))
+        ramp = self.speed / self.acceleration
+        for start, way in zip(self.starts, self.ways, strict=True):
+            length = np.abs(way) / self.speed + ramp
+            x = np.clip((t - start)[:, None], 0, length)
+            rising, braking = np.minimum(x, ramp), np.maximum(x - length + ramp, 0)
+            q += np.sign(way) * (self.acceleration / 2 * (rising**2 - braking**2) + self.speed * (x - rising))
+            v += np.sign(way) * self.acceleration * (rising - braking)
+            moving = (x > 0) & (x < length)
+            a += np.sign(way) * self.acceleration * moving * ((x < ramp) * 1.0 - (x > length - ramp))
+        return q, v, a
+
+
+@pytest.mark.parametrize("seed", range(3))
+def test_corners_of_trapezoids_between_two_samples_are_neither_contacts_nor_a_missing_effect(seed):
+    robot = fr.Robot.load("planar2")
+    values = {"fv1": 0.5, "fc1": 1.0, "fv2": 0.3, "fc2": 0.6, "Ia1": 0.3, "Ia2": 0.2}
+    log = fr.simulate(
+        robot,
+        Trapezoids(seed),
+        rate=100.0,
+        parameters=values,
+        noise=fr.Noise(q=1e-6, tau=0.003),
+        channels=(),
+        seed=seed,
+    )
+    diagnosis = fr.diagnose(fr.identify(robot, [log]).model, [log])
+    assert diagnosis.verdict == "none" and not diagnosis.contacts
