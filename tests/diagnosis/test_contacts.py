@@ -217,4 +217,5 @@ def test_corners_of_trapezoids_between_two_samples_are_neither_contacts_nor_a_mi
         seed=seed,
     )
     diagnosis = fr.diagnose(fr.identify(robot, [log]).model, [log])
-    assert diagnosis.verdict == "none" and not diagnosis.contacts
+    assert diagnosis.verdict == "none"
+    assert not diagnosis.contacts
