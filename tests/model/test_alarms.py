@@ -206,6 +206,25 @@ def test_logs_of_one_second_leave_the_model_open():
     assert "log-leaves-open" in ids(found.alarms)
 
 
+class OneJoint:
+    """The first of six joints swings, the others stand still."""
+
+    duration = 5.0
+
+    def __call__(self, t):
+        q, v, a = np.zeros((3, len(t), 6))
+        q[:, 0], v[:, 0], a[:, 0] = 0.5 * (1 - np.cos(2 * t)), np.sin(2 * t), 2 * np.cos(2 * t)
+        return q, v, a
+
+
+@pytest.mark.parametrize("name", ["ur10", "kinova"])
+def test_an_exact_log_of_one_joint_leaves_the_model_open(name):
+    """The prior is then twenty digits weaker than the log along some directions, and not along others."""
+    robot = fr.Robot.load(name)
+    log = fr.simulate(robot, OneJoint(), rate=100.0, parameters={"fv1": 0.5, "fc1": 1.0})
+    assert "log-leaves-open" in ids(fr.identify(robot, [log], recursion="none").alarms)
+
+
 def _log_of(robot, seed):
     motion = fr.random_fourier(robot, 20.0, seed=seed)
     return fr.simulate(robot, motion, rate=100.0, noise=fr.Noise(q=1e-5, tau=0.003), channels=(), seed=seed)
