@@ -14,7 +14,7 @@ from frischid.logs.log import Log
 from frischid.logs.preprocessing import prepare
 from frischid.model.comparison import compare
 from frischid.model.identification import identify
-from frischid.model.noise_floor import NoiseFloor, octaves_above, torque_noise
+from frischid.model.noise_floor import NoiseFloor, octaves_above, sampled_jumps, torque_noise
 from frischid.model.noisy_motion import _encoder_step
 from frischid.motions.simulation import Noise, simulate
 from frischid.motions.trajectory import random_fourier
@@ -54,6 +54,20 @@ def test_noise_with_a_memory_is_measured_where_the_filter_passes():
 def test_ripple_of_any_size_raises_the_noise_only_as_far_as_the_other_octaves_allow(ripple):
     noise = 0.1 * np.random.default_rng(4).normal(size=len(T))
     assert level(MOTION + noise + ripple * np.sin(2 * np.pi * 11.0 * T)) < 0.6  # in its octave it is 5 ripple
+
+
+@pytest.mark.parametrize("height", [0.0, 3.0, 30.0])
+def test_jumps_between_two_samples_are_measured_beside_noise_and_motion(height):
+    rng = np.random.default_rng(6)
+    jumps = np.cumsum(height * rng.choice([-1.0, 1.0], len(T)) * (np.arange(len(T)) % 250 == 0))
+    x = 20 * np.sin(2 * np.pi * 0.3 * T) + jumps + 0.1 * rng.normal(size=len(T))
+    measured = sampled_jumps(x[:, None], np.ones((len(T), 1)))[0]
+    assert measured == pytest.approx(height**2 / 250, rel=0.05, abs=1e-3)
+
+
+def test_a_jump_of_dry_friction_at_a_reversal_does_not_count():
+    direction = np.sign(np.sin(2 * np.pi * 0.4 * T))[:, None]
+    assert sampled_jumps(5 * direction, direction)[0] == pytest.approx(0.0, abs=1e-12)
 
 
 def test_without_a_filter_or_with_few_samples_all_noise_counts():
