@@ -304,7 +304,8 @@ def _is_enough(hypothesis: Hypothesis, null: Hypothesis) -> bool:
 def _lead_over_links(hypothesis: Hypothesis, null: Hypothesis) -> float:
     """Least score of a hypothesis over fewer of its faults, if the URDF's links have errors in both cases.
 
-    Fewer are none, and all but one that has a fitted number. Infinite for faults without a fitted number.
+    Fewer are none, and all but one of those that these logs can show beside the others (`separable`). Infinite for
+    faults without a fitted number.
     """
     if all(f.discrete and f.kind != JOINT_ZERO for f in hypothesis.faults):
         return np.inf

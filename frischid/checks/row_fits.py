@@ -106,7 +106,7 @@ class RowFits:
         x, norm = nnls(A, y)
         return float(norm / np.sqrt(len(y))), float(x[0])
 
-    def hears_load(self, k: int, y: Array, error: float, spread: float) -> bool:
+    def follows_load(self, k: int, y: Array, error: float, spread: float) -> bool:
         """Whether y follows the load: an NRMSE with a multiple of the nominal torque pays for it (Schwarz 1978)."""
         without = float(nnls(self._friction(k), y)[1]) / np.sqrt(len(y)) / spread
         return self.value(k, error) - self.value(k, without) > 0.5 * math.log(max(self.weight[k], 2.0))

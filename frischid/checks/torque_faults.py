@@ -172,7 +172,7 @@ def _with_its_sign(fits: RowFits, k: int, factor: float, simple: bool) -> list[R
     if simple or error <= fits.criteria.bad_nrmse:
         return found
     rms, gain = fits.gain(k, y)
-    if gain > 0 and _is_far_from_one(gain, fits.criteria.odd_factor) and fits.hears_load(k, y, rms / spread, spread):
+    if gain > 0 and _is_far_from_one(gain, fits.criteria.odd_factor) and fits.follows_load(k, y, rms / spread, spread):
         fault = _scale_fault(fits, k, gain)
         score = fits.value(k, rms / spread) - fault.cost
         found.append(Reading(score, rms / spread, (fault,), whole / gain))

@@ -59,6 +59,8 @@ class CachedMotion:
     """For each joint the k columns that act on the joint, and its torque less `known`, (rows, k + 1)."""
     known: Sequence[Stored]
     """For each joint the torque of known parameters, (rows,); empty for a robot without any."""
+    jumps: Sequence[Stored]
+    """For each joint the variance of its torque's jumps (`noise_floor.variance_of_jumps`), (rows,)."""
     picked: Sequence[Stored]
     """Filtered samples of each joint's rows."""
     state: State | Mapping[str, Stored]
@@ -102,6 +104,11 @@ class JointData:
     def Z(self) -> Array:
         """Columns that act on the joint, and its torque, (n, k + 1)."""
         return np.asarray(self.motion.Z[self.row].read()[self.at])
+
+    @cached_property
+    def jumps(self) -> Array:
+        """Variance of the torque's jumps, (n,)."""
+        return np.asarray(self.motion.jumps[self.row].read()[self.at])
 
     @property
     def Y(self) -> Array:

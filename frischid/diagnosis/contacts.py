@@ -4,12 +4,12 @@ A contact makes the residual e_j of joint j large for a few tenths of a second t
 otherwise explains. With u_j the robust standard deviation of e_j (from the median absolute deviation), the smoothed
 energy of the residual is
 
-    z_j(t) = mean of e_j² / (u_j² + x_jᵀ H⁻¹ x_j + (Δt dτ̂_j/dt)² / 12) over 0.25 s around t,
+    z_j(t) = mean of e_j² / (u_j² + x_jᵀ H⁻¹ x_j + s_j²) over 0.25 s around t,
 
 where x_j are the columns of the model at that time and H is the information of its parameters. The second term is the
 variance of a prediction: a fit that has not seen the fast part of a motion predicts it badly, and nothing has touched
-the robot there (a studentised residual). The third term is that of sampling: samples Δt apart tell the time at which
-the torque jumps to half a step, such as where a trapezoidal motion begins to brake. e_j is the residual without what
+the robot there (a studentised residual). The third term is that of sampling: samples tell only to half a step when a
+torque jumps, such as where a trapezoidal motion begins to brake (`variance_of_jumps`). e_j is the residual without what
 friction with memory remembers from before the log (`start_states`).
 
 A *burst* is a stretch of time with z_j > 6 in which z_j exceeds 30 at least once. A contact also biases the parameters.
@@ -185,25 +185,20 @@ def _bursts(validator: CrossValidator, rest: CrossValidator, theta: Array, unit:
     motions = zip(data.sources, data.times, speeds(validator), strict=True)
     for number, (source, t, speed) in enumerate(motions):
         z, friction = np.zeros((2, len(t), len(scale)))
-        remembered = remembered_torque(data.cache, data.cache.motions[number], theta)
+        motion = data.cache.motions[number]
+        remembered = remembered_torque(data.cache, motion, theta)
         for row, noise in enumerate(scale):
             joint, active = data.of_motion(row, number), data.cache.active[row]
             variance = np.einsum("ni,ij,nj->n", joint.Y, covariance[np.ix_(active, active)], joint.Y, optimize=True)
-            fitted = validator.columns.predicted(joint, theta)
-            jumps = data.cache.motions[number].step * _slope(fitted, t[joint.picked])
-            error, variance = joint.tau - fitted, variance + noise**2 + jumps**2 / 12
+            variance += noise**2 + joint.jumps
+            error = validator.columns.residual(joint, theta)
             if row in remembered:
                 error, variance = without_memory(error, variance, remembered[row][joint.picked])
             sigma = np.sqrt(variance)
             z[joint.picked, row], friction[joint.picked, row] = error / sigma, dry[row] / sigma
-        reach = filtered_width(validator.model.lowpass, data.cache.motions[number].step)
+        reach = filtered_width(validator.model.lowpass, motion.step)
         found += _of_motion(source, t, z**2, friction**2, speed, reach, validator)
     return found
-
-
-def _slope(x: Array, t: Array) -> Array:
-    """Derivative of x at the times t, (n,); zero for a single sample."""
-    return np.asarray(np.gradient(x, t)) if len(t) > 1 else np.zeros(len(t))
 
 
 def robust_spread(rest: CrossValidator, theta: Array) -> list[float]:

@@ -37,6 +37,7 @@ from frischid.logs.preprocessing import Motion
 from frischid.logs.recording import Recording
 from frischid.model.model import Model
 from frischid.model.model_parts import robot_text
+from frischid.model.noise_floor import variance_of_jumps
 from frischid.regression.joint_rows import JointRows
 from frischid.regression.regressor import CHUNK_SAMPLES, Regressor
 
@@ -120,6 +121,7 @@ class MotionCache:
             for parts, own in zip(Z, self._rows.of_joints(rows, counts), strict=True):
                 parts.append(own[:, :-1].copy())
         moving, known = np.concatenate(used), self._known_torque(motion)
+        jumps = variance_of_jumps(motion.tau[:, index], motion.direction[:, index], motion.step, lowpass)
         return CachedMotion(
             number=len(self.motions),
             source=motion.source,
@@ -135,6 +137,7 @@ class MotionCache:
             t=self.store.put(np.concatenate(times)),
             Z=[self.store.put(np.concatenate(parts)) for parts in Z],
             known=[] if known is None else [self.store.put(known[moving[:, j], j]) for j in index],
+            jumps=[self.store.put(x[moving[:, j]]) for j, x in zip(index, jumps.T, strict=True)],
             picked=[self.store.put(np.flatnonzero(moving[:, j]).astype(np.int32)) for j in index],
             state=stored_state(self.regressor.state(motion), self.store),
         )

@@ -1,11 +1,14 @@
-"""By how much an effect raises the squared errors of joints, in sums that are independent of one another.
+"""By how much an effect raises the squared errors of joints, in sums that are nearly independent of one another.
 
-With the squared errors e_i and e_i' of sample i of joint j, without and with the effect, the sums are
+With the squared errors e_ij and e_ij' of sample i of joint j, without and with the effect, and E_j the sum of e_j, the
+sums are
 
-    d_k = Σ_{i in k} (e_i' − e_i),      k: a block of time in motion, or a rest of the joint from stop to start.
+    d_b = Σ_j Σ_{i in b} (e_ij' − e_ij) / E_j,      b: a block of time.
 
 The error of a joint that rests in a pose is the same until it moves. So a rest is one observation, however long: its
-seconds are no repetitions (S. Hurlbert, "Pseudoreplication", Ecological Monographs 54(2), 1984).
+seconds are no repetitions (S. Hurlbert, "Pseudoreplication", Ecological Monographs 54(2), 1984). All of a rest counts
+in the block in which it begins. Nor are the joints repetitions, because they share poses, motions and causes: d_b is a
+sum over all joints.
 """
 
 from __future__ import annotations
@@ -18,7 +21,7 @@ from frischid.regression.block import Block
 
 
 class Rises:
-    """Rises of the squared errors of J joints: a sum for each block of time in motion, and one for each rest.
+    """Rises of the squared errors of J joints in blocks of time; a rest of a joint counts where it begins.
 
     Parameters
     ----------
@@ -27,24 +30,33 @@ class Rises:
     """
 
     def __init__(self, joints: int, seconds: float) -> None:
-        self._sums: list[list[float]] = [[] for _ in range(joints)]
-        self._last: list[tuple[str, float | None] | None] = [None] * joints
+        self._sums: dict[tuple[str, float], Array] = {}
+        self._rests: list[tuple[str, float] | None] = [None] * joints
         self._seconds = seconds
 
     def add(self, part: Block, moves: NDArray[np.bool_], rise: Array) -> None:
-        """Count the rises of a part, (M, J), in motion where `moves`; a rest or a block may go on from before."""
+        """Count the rises of a part, (M, J), in motion where `moves`; a rest may continue from the part before."""
         block = np.floor(part.t / self._seconds)
-        for j, sums in enumerate(self._sums):
-            place = np.where(moves[:, j], block, np.nan)  # at rest, none
-            begins = np.flatnonzero(~((place[1:] == place[:-1]) | (np.isnan(place[1:]) & np.isnan(place[:-1])))) + 1
-            starts = np.append(0, begins)
-            found = np.add.reduceat(rise[:, j], starts).tolist()
-            first, last = ((part.source, None if np.isnan(x) else float(x)) for x in place[[0, -1]])
-            if first == self._last[j]:
-                sums[-1] += found.pop(0)
-            sums += found
-            self._last[j] = last
+        for j, before in enumerate(self._rests):
+            place = _places(block, moves[:, j])
+            if before is not None and before[0] == part.source and not moves[0, j]:
+                place[: _length_of_rest(moves[:, j])] = before[1]
+            for where in np.unique(place).tolist():
+                sums = self._sums.setdefault((part.source, where), np.zeros(len(self._rests)))
+                sums[j] += rise[place == where, j].sum()
+            self._rests[j] = None if moves[-1, j] else (part.source, float(place[-1]))
 
     def of_all(self, spread: Array) -> Array:
-        """All sums, each over the squared error (J,) of its joint."""
-        return np.concatenate([np.array(sums) / x for sums, x in zip(self._sums, spread, strict=True)])
+        """A sum over the joints for each block, each joint's rise over its squared error (J,)."""
+        return np.array([float((sums / spread).sum()) for sums in self._sums.values()])
+
+
+def _places(block: Array, moves: NDArray[np.bool_]) -> Array:
+    """Block of each sample of a joint; of a sample at rest that of the rest's first sample."""
+    begins = np.maximum.accumulate(np.where(moves | np.append(True, moves[:-1]), np.arange(len(moves)), 0))
+    return np.asarray(block[begins])
+
+
+def _length_of_rest(moves: NDArray[np.bool_]) -> int:
+    """Samples before the first one in motion."""
+    return int(moves.argmax()) if moves.any() else len(moves)

@@ -25,7 +25,7 @@ from frischid.export.mjcf_share import JOINT_ATTRIBUTES, Share, share_of
 from frischid.export.names import number
 from frischid.model.model import Model
 from frischid.robot.inertia import dynamic_parameters, is_physical, pseudo_inertia
-from frischid.robot.mjcf_reading import ignores_inertials, in_degrees, is_mjcf, model_of_mjcf
+from frischid.robot.mjcf_reading import ignores_inertials, in_degrees, is_mjcf, model_of_mjcf, springdamper_of_mjcf
 from frischid.robot.robot import Robot
 from frischid.robot.xml_places import Element, elements
 
@@ -62,7 +62,7 @@ def edited_mjcf(model: Model, path: Path) -> str:
     if ignores_inertials(path):
         raise InputError(f'{path}: inertiafromgeom="true" makes MuJoCo ignore inertials; set it to "auto" first')
     root = elements(data, str(path))
-    _refuse_springdamper(root, path)
+    _refuse_springdamper(path)
     bodies = (pair for pair in root.below() if (pair[0].name, pair[1].name) == ("body", "joint"))
     places = {tag.attributes.get("name", ""): (body, tag) for body, tag in bodies}
     own = model_of_mjcf(path)
@@ -100,16 +100,15 @@ def edited_mjcf(model: Model, path: Path) -> str:
     return data.decode("utf-8")
 
 
-def _refuse_springdamper(root: Element, path: Path) -> None:
+def _refuse_springdamper(path: Path) -> None:
     """Refuse (InputError) joints, or a class of joints, whose stiffness and damping MuJoCo makes from two numbers."""
-    for _, tag in root.below():
-        words = tag.attributes.get("springdamper", "").split() if tag.name == "joint" else []
-        if len(words) == 2 and all(word.strip("-0.") for word in words):
-            of = f" of joint '{name}'" if (name := tag.attributes.get("name")) else ""
-            raise InputError(
-                f"{path}, line {tag.line}: springdamper{of} makes MuJoCo ignore the joint's stiffness and damping; "
-                "write stiffness instead, with the value that MuJoCo computes (jnt_stiffness of its model)"
-            )
+    found = springdamper_of_mjcf(path)
+    if found is not None:
+        of = f" of joint '{found[0]}'" if found[0] else ""
+        raise InputError(
+            f"{found[1]}: springdamper{of} makes MuJoCo ignore the joint's stiffness and damping; write stiffness "
+            "instead, with the value that MuJoCo computes (jnt_stiffness of its model)"
+        )
 
 
 def _positions(model: Model, data: bytes, root: Element) -> list[tuple[int, int, str]]:

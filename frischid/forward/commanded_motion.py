@@ -25,7 +25,7 @@ from frischid.logs.delayed_commands import delayed
 from frischid.logs.log import Log
 from frischid.logs.preprocessing import Motion
 from frischid.logs.recording import Recording, chunks_of, preview_of
-from frischid.logs.wraps import TURN, unwrapped, wraps_of
+from frischid.logs.wraps import TURN, commands_unwrapped, unwrapped, wraps_of
 from frischid.model.model import Model
 
 
@@ -65,9 +65,10 @@ def commanded_source(controller: PDController, log: Log | Recording, joints: Seq
     array([[9.589]])
     """
     parts = [chunk.select(joints) for chunk in chunks_of(log)]
-    for part in parts:
+    turned = [commands_unwrapped(part) for part in parts]
+    for part in turned:
         check_commands(part, whole=False)
-    reduce(CommandTravel.joined, map(CommandTravel.of, parts)).check(log.source)
+    reduce(CommandTravel.joined, map(CommandTravel.of, turned)).check(log.source)
     delay = controller.values("delay", joints)
     check_delay(delay, joints, parts[0])
     t = np.concatenate([part.t for part in parts])

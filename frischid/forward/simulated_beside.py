@@ -64,7 +64,7 @@ class SimulatedBeside:
     def over_horizon(self) -> tuple[Array, Array]:
         """Horizons in s, shape (n,), and the rms of the errors over all starts, shape (2, n, J + 1)."""
         each = self.errors.reshape(2, -1, self.length, self.errors.shape[2])
-        return self.t[: self.length], np.sqrt((each**2).mean(axis=1))
+        return self.t[: self.length] - self.t[0], np.sqrt((each**2).mean(axis=1))
 
 
 def simulated_beside(model: Model, logs: Sequence[Log | Recording]) -> SimulatedBeside | str | None:

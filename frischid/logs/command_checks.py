@@ -84,9 +84,12 @@ class CommandTravel(NamedTuple):
         return cls(names, len(log), c.min(axis=0), c.max(axis=0), _mean_and_variance(q), _mean_and_variance(q - c))
 
     def joined(self, other: CommandTravel) -> CommandTravel:
-        """The travel in the samples of both; the other one where the commands are of other joints."""
+        """The travel in the samples of both; that of the joints which have commands in both."""
         if self.joints != other.joints:
-            return other
+            both = [n for n in self.joints if n in other.joints]
+            if not both:
+                return other
+            return self._of_joints(both).joined(other._of_joints(both))
         lower, upper = np.minimum(self.lower, other.lower), np.maximum(self.upper, other.upper)
         share = other.samples / (self.samples + other.samples)
         position, error = (
@@ -94,6 +97,11 @@ class CommandTravel(NamedTuple):
             for a, b in ((self.position, other.position), (self.error, other.error))
         )
         return CommandTravel(self.joints, self.samples + other.samples, lower, upper, position, error)
+
+    def _of_joints(self, names: Sequence[str]) -> CommandTravel:
+        at = [self.joints.index(n) for n in names]
+        ends = self.lower[at], self.upper[at]
+        return CommandTravel(tuple(names), self.samples, *ends, self.position[:, at], self.error[:, at])
 
     def check(self, source: str) -> None:
         """Refuse (InputError) commands that never move, of all joints or of one."""

@@ -149,18 +149,23 @@ def _comma_below(path: Path, delimiter: str, encoding: str) -> bool:
     if delimiter == ",":
         return False
     with path.open("rb") as file, mmap.mmap(file.fileno(), 0, access=mmap.ACCESS_READ) as data:
-        place = data.find(b",")
-        for _ in range(LINES_LOOKED_AT):
-            if place < 0:
-                break
-            start, end = data.rfind(b"\n", 0, place) + 1, data.find(b"\n", place)
-            end = len(data) if end < 0 else end
-            line = data[start:end].replace(b"\0", b"").decode("utf-8" if encoding == "utf-16" else encoding, "replace")
-            pointed = any("." in cell and is_number(cell) for cell in _cells(line, delimiter))
-            if has_decimal_comma([(0, line)], delimiter) and not pointed:  # a text such as 3,4 beside 0.5 is none
-                return True
-            place = data.find(b",", end)
-    return False
+        lines = [(0, line) for line in _lines_with(b",", data, encoding)]
+        if not has_decimal_comma(lines, delimiter):
+            return False
+        pointed = (cell for line in _lines_with(b".", data, encoding) for cell in _cells(line, delimiter))
+        return not any("." in cell and is_number(cell) for cell in pointed)  # a text such as 3,4 beside 0.5 is none
+
+
+def _lines_with(sign: bytes, data: mmap.mmap, encoding: str) -> Iterator[str]:
+    """The first lines of a file that hold a sign."""
+    place = data.find(sign)
+    for _ in range(LINES_LOOKED_AT):
+        if place < 0:
+            break
+        start, end = data.rfind(b"\n", 0, place) + 1, data.find(b"\n", place)
+        end = len(data) if end < 0 else end
+        yield data[start:end].replace(b"\0", b"").decode("utf-8" if encoding == "utf-16" else encoding, "replace")
+        place = data.find(sign, end)
 
 
 def is_line_of_units(lines: Sequence[tuple[int, str]], delimiter: str) -> bool:

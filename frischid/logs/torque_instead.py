@@ -18,6 +18,10 @@ _FROM_CTRL = (
     "file, and --controller pd --kp ...), and a torque only with motors of gear 1 (tau = 'ctrl_{joint}'); "
     "qfrc_actuator is the torque with every actuator"
 )
+_FROM_CTRL_LATER = (
+    "MuJoCo's ctrl is a torque only with motors of gear 1 (tau = 'ctrl_{joint}' under [default] in a mapping file); "
+    "qfrc_actuator is the torque with every actuator"
+)
 _NOT_RECORDED = (
     "if torques, currents or commanded positions were recorded under other names, name their columns in a mapping "
     "file (`frischid map LOG ROBOT -o map.toml` proposes one); if not, record one of them"
@@ -37,5 +41,5 @@ def torque_instead(columns: Iterable[str], fitted: bool) -> str:
     if "qcmd" in kinds:
         found.append(_FROM_COMMANDS_LATER if fitted else _FROM_COMMANDS)
     elif "ctrl" in kinds:
-        found.append(_FROM_CTRL)
+        found.append(_FROM_CTRL_LATER if fitted else _FROM_CTRL)
     return "; ".join(found or [_NOT_RECORDED])

@@ -134,7 +134,7 @@ class Alarm:
 FAULTY_LOG = "faulty-log"
 LEFT_OPEN = "log-leaves-open"
 LOGS_DISAGREE = "logs-disagree"
-MOST_SAID = 10.0
+LARGEST_PRINTED = 10.0
 """Standard deviations of the torque above which the text of an alarm gives no figure."""
 CAUSES = (FAULTY_LOG, LOGS_DISAGREE, "log-too-short")
 """Alarms of the logs themselves: whatever else is wrong may follow from them, so they come first."""
@@ -158,7 +158,7 @@ def undetermined(disagreement: Mapping[str, float], criteria: AlarmCriteria) -> 
         return []
     where = tuple(n for n, x in disagreement.items() if x > criteria.disagreement)
     # along directions that the logs hardly show, a fit without the URDF is as large as rounding lets it be
-    apart = "more than ten times" if middle > MOST_SAID else f"{percent(middle)} of"
+    apart = "more than ten times" if middle > LARGEST_PRINTED else f"{percent(middle)} of"
     return [
         Alarm(
             LEFT_OPEN,

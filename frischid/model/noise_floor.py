@@ -11,7 +11,7 @@ the parallel filter,
   white, and motion hides it inside the band. So it is measured in the octaves above the band and extrapolated into the
   band (`torque_noise`).
 - A_j² is the mean square of the torque's jumps between two samples (`sampled_jumps`). Where a trapezoidal motion begins
-  to brake, the torque jumps, and samples tell the time of a jump to half a step only. At 100 Hz this error may be
+  to brake, the torque jumps, and samples tell only to half a step when a torque jumps. At 100 Hz this error may be
   several times that of the sensors.
 
 The first term contains position noise that reaches the torque through the accelerations. It also contains errors at
@@ -29,13 +29,14 @@ from functools import cached_property
 from typing import NamedTuple
 
 import numpy as np
+from numpy.typing import NDArray
 from scipy import optimize
 
 from frischid.core.bursts import ROBUST_EFFICIENCY, robust_std
 from frischid.core.remembered import Remembered
 from frischid.core.types import Array
 from frischid.effects import Coulomb, columns_of
-from frischid.logs.filters import LowPass, correlate, decimating_filter, noise_level
+from frischid.logs.filters import LowPass, correlate, decimate, decimating_filter, noise_level
 from frischid.logs.preprocessing import Motion
 from frischid.model.comparison_criteria import COMPARISON_CRITERIA as CRITERIA
 from frischid.model.model import Model
@@ -151,13 +152,29 @@ def sampled_jumps(x: Array, direction: Array) -> Array:
     direction : ndarray, shape (N, J)
         Sign of the speed; 0 at standstill (`Motion.direction`).
     """
+    squares, one_way = _squares_beyond_noise(x, direction)
+    return np.asarray(np.maximum(squares.sum(axis=0) / np.maximum(one_way.sum(axis=0), 1), 0.0) / 1.5)
+
+
+def variance_of_jumps(x: Array, direction: Array, step: float, lowpass: LowPass) -> Array:
+    """Variance of filtered torques because the times of jumps are known to half a step only, (M, J), (N·m)² (N²).
+
+    The jumps are those of `sampled_jumps`, sample by sample, each spread by the filter over M filtered samples.
+    """
+    placed = np.zeros(x.shape)
+    placed[1:-2] = np.maximum(_squares_beyond_noise(x, direction)[0], 0.0) / (1.5 * 12)
+    return decimate(lowpass.taps(step) ** 2, placed, lowpass.decimation(step))
+
+
+def _squares_beyond_noise(x: Array, direction: Array) -> tuple[Array, NDArray[np.bool_]]:
+    """Squares of half the third differences less those of noise, zero but in one direction, and where that is."""
     third = np.diff(x, n=3, axis=0) / 2
     one_way = np.abs(sum(direction[k : len(direction) - 3 + k] for k in range(4))) == 4
-    found = np.zeros(x.shape[1])
-    for j, (differences, here) in enumerate(zip(third.T, one_way.T, strict=True)):
+    squares = np.zeros(third.shape)
+    for j, here in enumerate(one_way.T):
         if here.any():
-            found[j] = np.mean(differences[here] ** 2) - robust_std(differences[here]) ** 2
-    return np.maximum(found, 0.0) / 1.5
+            squares[here, j] = third[here, j] ** 2 - robust_std(third[here, j]) ** 2
+    return squares, one_way
 
 
 def octaves_above(x: Array, direction: Array, step: float, lowpass: LowPass) -> Octaves:

@@ -33,7 +33,6 @@ _UNREAD = "unread"
 _FORCES = (
     ("body", "gravcomp", "gravity compensation"),
     ("joint", "stiffness", "springs of joints"),
-    ("joint", "springdamper", "springs of joints"),
     ("tendon", "stiffness", "springs of tendons"),
 )
 """Element, attribute that is not zero, and the force."""
@@ -91,6 +90,26 @@ def ignores_inertials(path: Path) -> bool:
     """Whether a compiler of an MJCF file, also of an included one, takes every inertia from shapes."""
     stated = _stated(path, "compiler", "inertiafromgeom")
     return stated is not None and stated[0] == "true"
+
+
+def is_springdamper(tag: ET.Element) -> bool:
+    """Whether MuJoCo makes the stiffness and damping of this joint, or class of joints, from two positive numbers."""
+    words = tag.get("springdamper", "").split() if tag.tag == "joint" else []
+    try:
+        return len(words) == 2 and all(float(word) > 0 for word in words)
+    except ValueError:
+        return False
+
+
+def springdamper_of_mjcf(path: Path) -> tuple[str, str] | None:
+    """A joint, or ``""`` for a class of joints, with a springdamper in an MJCF file or in one that it includes.
+
+    Returns
+    -------
+    tuple of str or None
+        The joint's name and the file.
+    """
+    return next(((tag.get("name", ""), str(file)) for tag, file in _elements(path) if is_springdamper(tag)), None)
 
 
 def _stated(path: Path, element: str, attribute: str) -> tuple[str, str] | None:
@@ -171,6 +190,8 @@ def _unread_forces(path: Path) -> list[str]:
         for element, attribute, force in _FORCES:
             if kind == element and any(word.strip("-0.") for word in tag.attrib.get(attribute, "").split()):
                 found[force] = None
+        if is_springdamper(tag):
+            found["springs of joints"] = None
         if tag.tag == "equality" and len(tag):
             found["equality constraints"] = None
     return list(found)

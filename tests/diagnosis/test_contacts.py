@@ -1,6 +1,6 @@
 """A stretch that a trimmed fit cannot predict is no contact: its residual has the variance of the prediction too."""
 
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from types import SimpleNamespace
 
 import numpy as np
@@ -219,3 +219,16 @@ def test_corners_of_trapezoids_between_two_samples_are_neither_contacts_nor_a_mi
     diagnosis = fr.diagnose(fr.identify(robot, [log]).model, [log])
     assert diagnosis.verdict == "none"
     assert not diagnosis.contacts
+
+
+@pytest.mark.parametrize("height", [0.04, 0.1])
+def test_a_push_in_a_smooth_motion_at_20_hz_is_one(height):
+    """A steep torque is no jump between two samples."""
+    robot = fr.Robot.load("planar2")
+    values = {"fv1": 0.5, "fc1": 1.0, "fv2": 0.3, "fc2": 0.6, "Ia1": 0.3, "Ia2": 0.2}
+    motion, noise = fr.random_fourier(robot, 30.0, seed=2), fr.Noise(q=1e-6, tau=0.003)
+    log = fr.simulate(robot, motion, rate=20.0, parameters=values, noise=noise, channels=(), seed=2)
+    model = fr.identify(robot, [log]).model
+    pushed = np.where(((log.t > 12) & (log.t < 12.4))[:, None], height * log.tau.std(axis=0), 0.0)
+    (contact,) = fr.diagnose(model, [replace(log, tau=log.tau + pushed)]).contacts
+    assert contact.start == pytest.approx(12.0, abs=0.2)

@@ -302,6 +302,13 @@ def test_the_seconds_of_a_rest_are_no_repetitions(rests, worse):
     assert worse_with_standstill(*models(before, after, moves), [None], CRITERIA) == worse
 
 
+def test_joints_that_rest_in_one_pose_are_no_repetitions():
+    """Two of four poses of the arm had worse angles, and six joints counted as six proofs of each."""
+    moves = np.tile((np.arange(4000) % 1000 == 0)[:, None], 6)
+    after = np.sqrt(4.0 + np.tile(np.where(np.arange(4000) // 1000 % 2, -1.0, 3.0)[:, None], 6))
+    assert not worse_with_standstill(*models(np.full((4000, 6), 2.0), after, moves), [None], CRITERIA)
+
+
 @pytest.mark.parametrize("samples", [4000, 130, 7])
 def test_rests_go_on_from_part_to_part(samples):
     moves = (np.arange(4000) % 900 < 100)[:, None]

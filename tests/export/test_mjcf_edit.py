@@ -267,7 +267,11 @@ def test_a_joint_whose_damping_mujoco_makes_of_other_numbers_is_refused(path, tm
     robot = Robot.load(path)
     model = identify(robot, [simulate(robot, random_fourier(robot, 8, seed=1), rate=50)], recursion="none").model
     path.write_text(ARM.replace(place, f'{place} springdamper="0.1 1"'))
-    with pytest.raises(InputError, match=r"arm.xml, line \d+: springdamper.* makes MuJoCo ignore"):
+    with pytest.raises(InputError, match=r"arm.xml: springdamper.* makes MuJoCo ignore"):
+        export(model, tmp_path / "new.xml", into=path)
+    (tmp_path / "more.xml").write_text('<mujoco><default><joint springdamper="0.1 1"/></default></mujoco>')
+    path.write_text(ARM.replace("<default>", '<include file="more.xml"/><default>'))
+    with pytest.raises(InputError, match=r"more.xml: springdamper makes MuJoCo ignore"):
         export(model, tmp_path / "new.xml", into=path)
     path.write_text(ARM.replace(place, f'{place} springdamper="0 1"'))  # MuJoCo takes no notice of this one
     export(model, tmp_path / "new.xml", into=path)

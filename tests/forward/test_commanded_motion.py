@@ -91,6 +91,14 @@ def test_an_arm_rests_in_the_first_chunk_of_a_recording(servo):
         commanded_source(fr.PDController(kp=KP), in_chunks(still, 2), JOINTS)
 
 
+def test_a_joint_may_be_parked_at_half_a_turn(servo):
+    """The noise of its encoder takes the angle from π to -π and back, which is no motion."""
+    q, goal = servo.q.copy(), servo.qcmd.copy()
+    noisy = np.pi + 1e-4 * np.random.default_rng(0).normal(size=len(q))
+    q[:, 1], goal[:, 1] = (noisy + np.pi) % (2 * np.pi) - np.pi, np.pi - 1e-6
+    assert commanded_source(fr.PDController(kp=KP), replace(servo, q=q, qcmd=goal), JOINTS).q_cmd.shape == q.shape
+
+
 def test_an_unstable_loop_is_said(model, servo):
     held = fr.compare_simulated(with_controller(model, delay=DELAY), [servo], horizons=[0.5])
     assert held.instability is None

@@ -81,6 +81,12 @@ def test_a_text_with_a_comma_is_no_decimal_comma(tmp_path):
     assert any(note.startswith("state left out, not numeric") for note in read.notes)
 
 
+def test_a_text_with_a_comma_beside_whole_numbers_is_none(tmp_path):
+    """Such a line alone had decided, and then the numbers with points were no numbers."""
+    rows = [[f"{k / 100:g}", f"{k % 7 / 10 if k > 100 else 0:g}", "3,4" if k == 100 else "5"] for k in range(200)]
+    assert read_log(write(tmp_path / "a.csv", ["t", "q_elbow", "state"], rows, ";")).t[-1] == 1.99
+
+
 def test_utf_16_with_tabs(tmp_path, robot, log):
     head = ["Time", *(f"{n} angle" for n in robot.joints), *(f"{n} torque" for n in robot.joints)]
     path = write(tmp_path / "a.txt", head, np.column_stack([log.t, log.q, log.tau]), "\t", "utf-16")

@@ -158,6 +158,7 @@ def test_the_error_against_the_horizon_is_that_of_compare_simulated(pushed: Stud
     beside = pushed.simulated
     assert isinstance(beside, SimulatedBeside)
     horizons, rms = beside.over_horizon()
+    assert horizons[0] == 0.0
     log = next(x for x in pushed.logs if x.source == beside.source)
     (asked,) = fr.compare_simulated(pushed.model, [log], horizons=[0.5]).horizons
     k = int(np.searchsorted(horizons, 0.5))

@@ -93,7 +93,7 @@ class FaultOutput(Output):
 
 
 class ExplanationOutput(Output):
-    """The faults that explain the torques best, their probability, and the second best explanation."""
+    """The faults that explain the torques best, their probability, and what explains the torques nearly as well."""
 
     faults: list[FaultOutput]
     probability: Share
