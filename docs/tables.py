@@ -128,7 +128,6 @@ FIGURES: dict[str, Callable[[], str]] = {
         diagnosis.chance_errors,
         diagnosis.beside_right,
         diagnosis.beside_right_alone,
-        diagnosis.sure_alarms_spring,
         robots.bands_hold,
         cost.moments_us,
         cost.small_fleets_count,

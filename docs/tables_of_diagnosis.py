@@ -192,13 +192,6 @@ def healthy() -> str:
     return table(head, lines)
 
 
-def sure_alarms_spring() -> str:
-    """Alarms on healthy robots with a high probability that name a spring."""
-    rows = [row for row in rows_of("calibration") if row["kind"] == "healthy" and row["alarm"]]
-    named = [row["answer"] == "joint_spring" for row in rows if row["probability"] >= SURE]
-    return f"{sum(named)} of {len(named)}"
-
-
 def planted_log_faults() -> str:
     """Faults in simulated logs: named first, named together, silent without one, certain and right."""
     return _planted_faults("planted_log_faults", "six simulated arms, links off by 10 %")
