@@ -326,8 +326,9 @@ def check_torque(log: Log, joints: Sequence[str] | None = None, *, fitted: bool 
     present = [j for j in log.index(wanted) if log.has("tau")[j]]
     if log.tau is None or not present:
         columns = list(log.to_table())
+        remedy = torque_instead(columns, log.joints, fitted)
         raise InputError(
-            f"{log.source}: no torque column (tau_<joint>) for {', '.join(wanted)}; {torque_instead(columns, fitted)}; "
+            f"{log.source}: no torque column (tau_<joint>) for {', '.join(wanted)}; {remedy}; "
             f"the log has {', '.join(columns)}"
         )
     if not log.tau[:, present].any():

@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Iterable
+from collections.abc import Iterable, Sequence
 
 _FROM_CURRENTS = (
     "currents become torques by [current_gain] in a mapping file (--map); `frischid gains` finds the gains from logs "
@@ -28,15 +28,17 @@ _NOT_RECORDED = (
 )
 
 
-def torque_instead(columns: Iterable[str], fitted: bool) -> str:
+def torque_instead(columns: Iterable[str], joints: Sequence[str], fitted: bool) -> str:
     """What to do about a log without torques, by the names of its columns.
 
     Parameters
     ----------
+    joints : sequence of str
+        Of the log: ``current_limit`` is the current of no joint.
     fitted : bool
         Whether the log is for a model that was fitted to torques.
     """
-    kinds = {name.partition("_")[0] for name in columns}
+    kinds = {kind for name in columns for kind, _, of in [name.partition("_")] if of in joints or kind == "ctrl"}
     found = [_FROM_CURRENTS] if "current" in kinds else []
     if "qcmd" in kinds:
         found.append(_FROM_COMMANDS_LATER if fitted else _FROM_COMMANDS)

@@ -6,6 +6,7 @@ from click.testing import CliRunner
 
 import frischid as fr
 from frischid.cli import main
+from frischid.logs.torque_instead import torque_instead
 
 
 @pytest.fixture(scope="module")
@@ -104,3 +105,14 @@ def test_a_controller_without_commands_is_no_part_of_the_fit(folder):
     commanded = fr.Log(log.t, log.joints, q=log.q, tau=log.tau, qcmd=log.q + 0.01)
     kept = fr.identify(robot, [commanded], controller=fr.PDController(kp=400.0), recursion="none")
     assert not any("no log has commanded positions" in text for text in kept.warnings)
+
+
+@pytest.mark.parametrize(("column", "advised"), [("current_limit", False), ("current_joint1", True)])
+def test_only_the_current_of_a_joint_may_become_a_torque(column, advised):
+    said_of_it = torque_instead(["t", "q_joint1", column], ["joint1"], fitted=False)
+    assert ("currents become torques" in said_of_it) == advised
+
+
+def test_a_model_of_torques_is_not_sent_to_a_controller_by_ctrl():
+    assert "--controller" in torque_instead(["ctrl_joint1"], ["joint1"], fitted=False)
+    assert "--controller" not in torque_instead(["ctrl_joint1"], ["joint1"], fitted=True)
