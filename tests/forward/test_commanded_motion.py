@@ -8,6 +8,7 @@ import pytest
 import frischid as fr
 from frischid.forward.commanded_motion import commanded_source
 from frischid.forward.torque_sources import PositionController
+from frischid.logs.command_checks import CommandTravel
 
 JOINTS = ("joint1", "joint2")
 KP, KD, DELAY = 900.0, 90.0, 0.02
@@ -97,6 +98,15 @@ def test_a_joint_may_be_parked_at_half_a_turn(servo):
     noisy = np.pi + 1e-4 * np.random.default_rng(0).normal(size=len(q))
     q[:, 1], goal[:, 1] = (noisy + np.pi) % (2 * np.pi) - np.pi, np.pi - 1e-6
     assert commanded_source(fr.PDController(kp=KP), replace(servo, q=q, qcmd=goal), JOINTS).q_cmd.shape == q.shape
+
+
+def test_the_travel_of_commands_is_joined_by_the_names_of_their_joints(servo):
+    """A chunk at rest with the command of one joint alone had made the other chunk forgotten."""
+    moving, resting = CommandTravel.of(servo), CommandTravel.of(servo.select(JOINTS[:1]).slice(0, 2))
+    found = moving.joined(resting)
+    assert found.joints == JOINTS[:1]
+    assert found.upper - found.lower == pytest.approx((moving.upper - moving.lower)[:1])
+    found.check("servo")
 
 
 def test_an_unstable_loop_is_said(model, servo):
