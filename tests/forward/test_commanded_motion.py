@@ -102,7 +102,7 @@ def test_a_joint_may_be_parked_at_half_a_turn(servo):
 
 def test_the_travel_of_commands_is_joined_by_the_names_of_their_joints(servo):
     """A chunk at rest with the command of one joint alone had made the other chunk forgotten."""
-    moving, resting = CommandTravel.of(servo), CommandTravel.of(servo.select(JOINTS[:1]).slice(0, 2))
+    moving, resting = CommandTravel.of(servo), CommandTravel.of(servo.select(JOINTS[:1]).slice(0, 50))
     found = moving.joined(resting)
     assert found.joints == JOINTS[:1]
     assert found.upper - found.lower == pytest.approx((moving.upper - moving.lower)[:1])
