@@ -1,7 +1,7 @@
 """By how much an effect raises the squared errors of joints, in sums that are nearly independent of one another.
 
-With the squared errors e_ij and e_ij' of sample i of joint j, without and with the effect, and E_j the sum of e_j, the
-sums are
+With the squared errors e_ij and e_ij' of sample i of joint j, without and with the effect, and E_j the sum of e_ij
+over all samples, the sums are
 
     d_b = Σ_j Σ_{i in b} (e_ij' − e_ij) / E_j,      b: a block of time.
 

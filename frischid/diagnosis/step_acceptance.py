@@ -27,7 +27,7 @@ A fit to one log of two may leave a coefficient open, and predict the other log 
   so that every joint counts by its relative change. In the mean NRMSE the joint with the largest error counts most, and
   its gain could hide harm to all others.
 - *Standstill*: this ratio must not rise significantly when samples at standstill count too. The error of a joint that
-  rests in a pose stays as it is, so each of its rests is one observation, however long, and no block of time.
+  rests in a pose stays as it is, so a rest is one observation, however long, of all joints together (`rises`).
 - *Signs*: a coefficient of known sign has this sign.
 - *Friction brakes*: on the logs' motion at a multiple of its speed, the friction of each joint takes energy,
 

@@ -152,8 +152,8 @@ def sampled_jumps(x: Array, direction: Array) -> Array:
     direction : ndarray, shape (N, J)
         Sign of the speed; 0 at standstill (`Motion.direction`).
     """
-    squares, one_way = _squares_beyond_noise(x, direction)
-    return np.asarray(np.maximum(squares.sum(axis=0) / np.maximum(one_way.sum(axis=0), 1), 0.0) / 1.5)
+    squares, one_way = _squares_of_jumps(x, direction)
+    return np.asarray(np.maximum(squares.sum(axis=0) / np.maximum(one_way.sum(axis=0), 1), 0.0))
 
 
 def variance_of_jumps(x: Array, direction: Array, step: float, lowpass: LowPass) -> Array:
@@ -162,18 +162,21 @@ def variance_of_jumps(x: Array, direction: Array, step: float, lowpass: LowPass)
     The jumps are those of `sampled_jumps`, sample by sample, each spread by the filter over M filtered samples.
     """
     placed = np.zeros(x.shape)
-    placed[1:-2] = np.maximum(_squares_beyond_noise(x, direction)[0], 0.0) / (1.5 * 12)
+    placed[1:-2] = np.maximum(_squares_of_jumps(x, direction)[0], 0.0) / 12
     return decimate(lowpass.taps(step) ** 2, placed, lowpass.decimation(step))
 
 
-def _squares_beyond_noise(x: Array, direction: Array) -> tuple[Array, NDArray[np.bool_]]:
-    """Squares of half the third differences less those of noise, zero but in one direction, and where that is."""
+def _squares_of_jumps(x: Array, direction: Array) -> tuple[Array, NDArray[np.bool_]]:
+    """Squares of the jumps sample by sample, (N - 3, J), with the noise of either sign; and where they are measured.
+
+    Of a jump of height A, the squares of the three differences sum to 1.5 A².
+    """
     third = np.diff(x, n=3, axis=0) / 2
     one_way = np.abs(sum(direction[k : len(direction) - 3 + k] for k in range(4))) == 4
     squares = np.zeros(third.shape)
     for j, here in enumerate(one_way.T):
         if here.any():
-            squares[here, j] = third[here, j] ** 2 - robust_std(third[here, j]) ** 2
+            squares[here, j] = (third[here, j] ** 2 - robust_std(third[here, j]) ** 2) / 1.5
     return squares, one_way
 
 
